@@ -43,8 +43,8 @@ struct DeployedCode {
 // With a controller of this model there is also NAME_control(), which gives u_k from x̂_k before y_k is known.
 // The code allocates no memory, and includes <float.h> and <stdint.h> alone.
 // \throws std::invalid_argument for a name that C does not accept, a model that is not consistent or has no step, an
-// unknown initial state without start_from_zero, numbers that are not finite or beyond the range of float, or a
-// controller of another model
+// innovation_cov that is no covariance, an unknown initial state without start_from_zero, numbers that are not finite
+// or beyond the range of float, or a controller of another model
 DeployedCode deploy(const Model& model, const DeployOptions& options = {}, const Controller* controller = nullptr);
 
 // The header that belongs to a source file: FILE.h for FILE.c.

@@ -26,7 +26,7 @@ def test_observer_and_controller(system, tmp_path, precision, epsilon):
     sizes = system.export_c(tmp_path / "plant.c", controller, single_precision=single)
     assert (sizes.name, sizes.stored_steps) == ("plant", len({a.tobytes() for a in system.A}))
     assert sizes.step.multiplications == 44 and sizes.control.multiplications == 12
-    assert sizes.state_bytes == (4 + 2) * np.dtype(precision).itemsize + 8 and sizes.step_missing.divisions == 1
+    assert sizes.state_bytes == (4 + 2) * np.dtype(precision).itemsize + 8 and sizes.step_missing.divisions == 2
     flags = ["-std=c99", "-Wall", "-Wextra", "-pedantic", "-Werror", "-shared", "-fPIC"]
     subprocess.run(["gcc", *flags, "plant.c", "-o", "plant.so"], cwd=tmp_path, check=True)
     code, state = ctypes.CDLL(str(tmp_path / "plant.so")), np.zeros(sizes.state_bytes, np.uint8)

@@ -16,6 +16,7 @@
 #include "model/continuation.hpp"
 #include "model/observer_rows.hpp"
 #include "tokid/io.hpp"
+#include "tokid/linalg.hpp"
 #include "tokid/version.hpp"
 
 namespace tokid {
@@ -111,15 +112,24 @@ std::vector<double> system_block(const Step& step) {
   return block;
 }
 
-// Scales of the outputs, then the lower triangle of the covariance, row by row.
-std::vector<double> covariance_block(const Step& step) {
-  constexpr double least = std::numeric_limits<double>::min();
-  const Step::View covariance = step.innovation_cov();
-  std::vector<double> block;
-  for (Index j = 0; j < step.outputs(); ++j)
-    block.push_back(covariance(j, j) > least ? 1 / std::sqrt(covariance(j, j)) : 0.0);
-  for (Index i = 0; i < step.outputs(); ++i)
-    for (Index j = 0; j <= i; ++j) block.push_back(covariance(i, j));
+// Standard deviations of the innovations, then the rows of a lower triangular F, of which F Fᵀ is their correlation
+// matrix. So units cancel, and float keeps correlations near one apart. As in OnlineObserver, the size of rounding
+// errors, here those of the code, is added to the diagonal first.
+std::vector<double> covariance_block(const Step& step, Index k, double epsilon) {
+  const Index m = step.outputs();
+  const std::optional<Matrix> root = linalg::covariance_factor(step.innovation_cov());
+  if (!root)
+    throw std::invalid_argument(fmt::format(
+        "model: innovation_cov is no covariance at step {}; a symmetric matrix without negative eigenvalues needed",
+        k));
+  const Vector deviation = step.innovation_cov().diagonal().cwiseSqrt();
+  Matrix raised(m + m, m);  // raisedᵀ·raised is the correlation matrix with the raised diagonal
+  raised.topRows(m) = root->transpose() * (deviation.array() > 0).select(deviation.cwiseInverse(), 0.0).asDiagonal();
+  raised.bottomRows(m) = std::sqrt(epsilon * double(m)) * Matrix::Identity(m, m);
+  const Matrix upper = linalg::triangular_factor(raised);
+  std::vector<double> block(deviation.begin(), deviation.end());
+  for (Index i = 0; i < m; ++i)
+    for (Index l = 0; l <= i; ++l) block.push_back(upper(l, i));
   return block;
 }
 
@@ -153,25 +163,31 @@ Operations step_operations(const Model& model, bool nominal) {
   return {products, products + m + (nominal ? r + 2 * m : 0), 0};
 }
 
-// Of estimate_missing() with o available outputs of m.
+// Most operations of estimate_missing() with o available outputs of m. The rows of F become longer from output to
+// output, so most are needed if the last o outputs are available.
 Operations missing_operations(Index o, Index m) {
-  Operations count{1, 0, 0};
-  for (Index j = 0; j < o; ++j) {
-    count.multiplications += (o - j) * (2 + 2 * j);
-    count.additions += (o - j) * j + 1;
-    count.divisions += o - j - 1;
+  Operations count;
+  const auto products = [&](Index length) {
+    count.multiplications += length;
+    count.additions += length;
+  };
+  for (Index i = 0; i < m; ++i) {
+    if (i < m - o) {
+      products(i + 1);
+      ++count.multiplications;
+      continue;
+    }
+    for (Index j = m - o; j < i; ++j) products(2 * (j + 1));
+    products(3 * (i + 1));
+    ++count.additions;
+    count.divisions += i - (m - o) + 2;
   }
-  count.multiplications += o + o * (o - 1);
-  count.additions += o * (o - 1);
-  count.divisions += o;
-  count.multiplications += 2 * o * (m - o);
-  count.additions += o * (m - o);
   return count;
 }
 
 Operations with_missing(Operations step, Index m) {
   Operations most;
-  for (Index o = 1; o < m; ++o) {
+  for (Index o = 0; o < m; ++o) {
     const Operations count = missing_operations(o, m);
     most.multiplications = std::max(most.multiplications, count.multiplications);
     most.additions = std::max(most.additions, count.additions);
@@ -253,11 +269,13 @@ DeployedCode deploy(const Model& model, const DeployOptions& options, const Cont
   Blocks systems, covariances, nominals, laws;
   std::vector<Index> states;
   const bool estimates = m > 1 && model.has(&Step::has_innovation_cov);
+  const double epsilon =
+      options.single_precision ? double(std::numeric_limits<float>::epsilon()) : std::numeric_limits<double>::epsilon();
   for (Index k = rows.begin; k < rows.end; ++k) {
     const Step& step = step_at(model, k);
     systems.add(system_block(step));
     states.push_back(step.states());
-    if (estimates) covariances.add(covariance_block(step));
+    if (estimates) covariances.add(covariance_block(step, k, epsilon));
   }
   states.push_back(step_at(model, rows.end - 1).next_states());
   for (Index k = 0; rows.nominal && k < rows.end; ++k) nominals.add(nominal_block(model, k));
@@ -289,7 +307,7 @@ DeployedCode deploy(const Model& model, const DeployOptions& options, const Cont
   if (estimates)
     words["covariance"] = tables.place(
         "covariances",
-        "of each step 1 / standard deviation of the innovations, then the lower triangle of their covariance",
+        "of each step the standard deviations of the innovations, then the lower triangular root of their correlations",
         covariances, "step");
   if (controller) {
     words["law"] = tables.place("laws", law_comment(controller->feedforward.size() > 0, held), laws, "step");

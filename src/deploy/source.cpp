@@ -130,49 +130,30 @@ static real add_products(real sum, const real *a, const real *b, int size)
 )";
 
 constexpr std::string_view source_estimate =
-    R"(/* Element (i, j) of a symmetric matrix, of which the lower triangle is stored row by row. */
-static real element(const real *lower, int i, int j)
+    R"(/* Estimates missing innovations from the available ones. All are weighted sums of independent sources of variance one:
+ * e[i] = deviation[i] (F s)[i], with the rows of the lower triangular matrix F one after the other. The smallest sources
+ * that explain the available innovations give the missing ones. Each available innovation, one after the other, changes
+ * the sources along the part of its row of F that is orthogonal to the rows before. */
+static void estimate_missing(const real *deviation, const real *factor, real *e)
 {
-  return i >= j ? lower[i * (i + 1) / 2 + j] : lower[j * (j + 1) / 2 + i];
-}
-
-/* Estimates missing innovations from the available ones: S_qo S_oo^-1 e_o with the covariance S, the missing outputs q
- * and the available outputs o. S_oo is scaled, and factorised as L diag(d) L'. */
-static void estimate_missing(const real *scale, const real *covariance, real *e)
-{
-  real factor[OUTPUTS][OUTPUTS] = {{0}}, d[OUTPUTS] = {0}, z[OUTPUTS] = {0}, sum, least;
-  int seen[OUTPUTS], count = 0, independent = 0, i, j, l;
-  for (j = 0; j < OUTPUTS; ++j)
-    if (e[j] == e[j]) seen[count++] = j;
-  least = @limit@_EPSILON * (real)count;
-  for (j = 0; j < count && !independent; ++j)
-    for (i = j; i < count; ++i) {
-      sum = scale[seen[i]] * element(covariance, seen[i], seen[j]) * scale[seen[j]];
-      if (i == j) sum += least;
-      for (l = 0; l < j; ++l) sum -= factor[i][l] * d[l] * factor[j][l];
-      if (i > j) {
-        factor[i][j] = sum / d[j];
-      } else if (sum > 0) {
-        d[j] = sum;
-      } else { /* not a covariance: the outputs count as independent */
-        independent = 1;
-        break;
-      }
+  real rows[OUTPUTS][OUTPUTS] = {{0}}, square[OUTPUTS] = {0}, sources[OUTPUTS] = {0}, share;
+  const real *row = factor;
+  int seen[OUTPUTS] = {0}, count = 0, i, j, l;
+  for (i = 0; i < OUTPUTS; row += ++i) {
+    if (!(e[i] == e[i]) || !(deviation[i] > 0)) continue;
+    for (l = 0; l <= i; ++l) rows[count][l] = row[l];
+    for (j = 0; j < count; ++j) {
+      share = add_products(0, rows[count], rows[j], seen[j] + 1) / square[j];
+      for (l = 0; l <= seen[j]; ++l) rows[count][l] -= share * rows[j][l];
     }
-  for (i = 0; i < count; ++i) z[i] = scale[seen[i]] * e[seen[i]];
-  if (!independent) {
-    for (i = 0; i < count; ++i)
-      for (l = 0; l < i; ++l) z[i] -= factor[i][l] * z[l];
-    for (i = 0; i < count; ++i) z[i] /= d[i];
-    for (i = count - 1; i >= 0; --i)
-      for (l = i + 1; l < count; ++l) z[i] -= factor[l][i] * z[l];
+    square[count] = add_products(0, rows[count], rows[count], i + 1);
+    share = (e[i] / deviation[i] - add_products(0, row, sources, i + 1)) / square[count];
+    for (l = 0; l <= i; ++l) sources[l] += share * rows[count][l];
+    seen[count++] = i;
   }
-  for (j = 0; j < OUTPUTS; ++j) {
-    if (e[j] == e[j]) continue;
-    sum = 0;
-    for (i = 0; i < count; ++i) sum += element(covariance, j, seen[i]) * scale[seen[i]] * z[i];
-    e[j] = sum;
-  }
+  row = factor;
+  for (i = 0; i < OUTPUTS; row += ++i)
+    if (!(e[i] == e[i])) e[i] = deviation[i] * add_products(0, row, sources, i + 1);
 }
 
 )";

@@ -268,8 +268,8 @@ def test_missing_outputs(tokid, folder):
     model = random_model(rng, "varying", 3, 3, 1, steps=8)
     root = rng.standard_normal((8, 3, 3))
     model.update(k_begin=0, initial_state="zero", u_nominal=None, y_nominal=None, x0_mean=None, x0_cov=None)
-    for covariance in (root @ root.transpose(0, 2, 1) + 0.1 * np.eye(3), np.full((8, 3, 3), -1.0), None):
-        name = "missing" + ("x" if covariance is None else "y" if covariance[0, 0, 0] < 0 else "")
+    for covariance in (root @ root.transpose(0, 2, 1) + 0.1 * np.eye(3), None):
+        name = "missing" + ("x" if covariance is None else "")
         tokid("export", save(folder, model, innovation_cov=covariance), "-o", folder / f"{name}.c")
         code = Code(compiled(folder, [folder / f"{name}.c"]), name, model)
         x = np.zeros(3)
@@ -285,6 +285,46 @@ def test_missing_outputs(tokid, folder):
                 e[q] = covariance[k][np.ix_(q, o)] @ np.linalg.solve(covariance[k][np.ix_(o, o)], e[o])
             x = model["A"][k] @ x + model["B"][k] @ u - model["G"][k] @ e
             assert np.allclose(code.x, x, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("precision", ["double", "float"])
+def test_estimates_for_any_units_and_correlations(tokid, folder, precision):
+    """Standard deviations from 1e-30 to 1e30, and correlations that differ from one by less than float resolves. The
+    state of this model is the innovation.
+
+    A solution of F s = e of the smallest norm, with rows F of the covariance's root, has errors of eps x cond(F) x |s|.
+    The correlations themselves are known to the eps of double, and the condition of their matrix is cond(F)^2."""
+    rng = np.random.default_rng(7)
+    m, steps = 3, 120
+    apart = 10.0 ** -rng.integers(0, 9, steps)
+    root = np.ones((steps, m, 1)) * rng.standard_normal((steps, 1, m))
+    root = root / np.linalg.norm(root, axis=2, keepdims=True) + apart[:, None, None] * rng.standard_normal((steps, m, m))
+    units = 10.0 ** rng.integers(-30, 31, (steps, m))
+    covariance = units[:, :, None] * (root @ root.transpose(0, 2, 1)) * units[:, None, :]
+    covariance = (covariance + covariance.transpose(0, 2, 1)) / 2
+    zeros = np.zeros((steps, m, m))
+    model = {"A": zeros, "B": zeros[:, :, :1], "C": zeros, "D": zeros[:, :, :1], "G": zeros - np.eye(m), "dt": 0.1,
+             "innovation_cov": covariance, "initial_state": "zero", "state_dim": np.full(steps + 1, m), "k_begin": 0}
+    name = f"units_{precision}"
+    tokid("export", save(folder, model), "-o", folder / f"{name}.c", *(["--float"] if precision == "float" else []))
+    code, eps, worst = Code(compiled(folder, [folder / f"{name}.c"]), name, model, precision), EPSILON[precision], 0
+    for k in range(steps):
+        y = (units[k] * (root[k] @ rng.standard_normal(m))).astype(code.type)
+        q = np.isin(np.arange(m), rng.permutation(m)[:1 + k % (m - 1)])
+        y[q] = np.nan
+        assert code.step([0], y) == OK
+        assert np.array_equal(code.x[~q], y[~q])
+        deviation = np.sqrt(np.diag(covariance[k]))
+        values, vectors = np.linalg.eigh(covariance[k] / np.outer(deviation, deviation))
+        F = np.hstack([vectors * np.sqrt(np.maximum(values, 0)), np.sqrt(m * eps) * np.eye(m)])
+        s = np.linalg.lstsq(F[~q], y[~q].astype(float) / deviation[~q], rcond=None)[0]
+        condition = np.linalg.cond(F[~q])
+        error = np.max(np.abs(code.x[q].astype(float) / deviation[q] - F[q] @ s))
+        bound = (eps * condition + EPSILON["double"] * condition**2) * np.linalg.norm(s)
+        worst = max(worst, error / bound)
+    print(f"\nworst error of an estimate, relative to the bound: {worst}")
+    assert worst <= 20  # some ten sums of at most three products
+    assert np.sum(apart < 1e-4) > 20
 
 
 @pytest.mark.parametrize("rates", [False, True])
@@ -486,6 +526,7 @@ def test_refusals(tokid, folder):
     refused("name: '2no' found", folder / "model.npz", output="2no.c")
     refused("model.npz", folder / "model.npz", "--controller", folder / "model.npz")
     refused("unknown initial state", save(folder, model, initial_state="unknown", x0_mean=None, x0_cov=None))
+    refused("model: innovation_cov is no covariance at step 0", save(folder, model, innovation_cov=-model["innovation_cov"]))
     refused("in single precision", save(folder, model, B=1e39 * model["B"]), "--float")
     tokid("lqr", folder / "model.npz", "-o", folder / "c.npz")
     law = dict(np.load(folder / "c.npz"))
