@@ -15,12 +15,6 @@ struct Call {
   bool json = false;
 };
 
-std::string in_words(const Operations& count) {
-  std::string text = fmt::format("{} multiplications, {} additions", count.multiplications, count.additions);
-  if (count.divisions > 0) text += fmt::format(", {}", plural(count.divisions, "division"));
-  return text;
-}
-
 std::string report(const Call& call, const Model& model, const DeployedCode& code) {
   Page page;
   page.row("Model", describe(model));

@@ -479,6 +479,14 @@ TEST(Lqr, LawRefusesWhatDoesNotFit) {
   bad.feedforward = Matrix::Zero(2, 2);
   EXPECT_EQ(message([&] { expected_cost(bad, c.model, c.model); }),
             "controller: parts of different sizes found, those that lqr() gives needed");
+  bad = controller;
+  bad.K[1] = Matrix::Zero(2, 2);
+  EXPECT_EQ(message([&] { expected_cost(bad, c.model, c.model); }),
+            "controller: a gain of 2 x 2 found at step 3, 2 x 3 of the model needed");
+  bad = controller;
+  bad.L[2](0, 1) = nan;
+  EXPECT_EQ(message([&] { simulate_control(bad, c.model, c.model); }),
+            "controller: a gain that is not finite found at step 4");
 }
 
 // Weights are in units of their own.

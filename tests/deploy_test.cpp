@@ -104,16 +104,26 @@ TEST(Deploy, RefusesWithTheReason) {
   Model turned = model;
   turned.step[2].D()(0, 0) += 1;
   EXPECT_EQ(refused(turned, {}, &controller),
-            "controller: gains for other matrices or coordinates found, those for this model needed");
+            "model: other matrices or coordinates found, those of the model needed from which the controller was "
+            "designed");
   other = controller;
   other.begin = 1;
-  EXPECT_EQ(refused(model, {}, &other), "controller: steps 1 to 6 found, steps of the model needed");
+  EXPECT_EQ(refused(model, {}, &other), "model: steps 0 to 5 found, 1 to 6 of the controller needed");
   other = controller;
   other.u_nominal(2, 0) = 1;
   EXPECT_EQ(refused(model, {}, &other), "controller: another nominal input found at step 2, that of the model needed");
   other = controller;
   other.K[3](0, 1) = nan;
-  EXPECT_EQ(refused(model, {}, &other), "controller: a gain or feedforward that is not finite found at step 3");
+  EXPECT_EQ(refused(model, {}, &other), "controller: a gain that is not finite found at step 3");
+  other = controller;
+  other.feedforward = Matrix::Constant(6, 1, nan);
+  EXPECT_EQ(refused(model, {}, &other),
+            "controller: a feedforward or nominal value that is not finite found, finite ones needed");
+}
+
+TEST(Deploy, SaysOperationsInWords) {
+  EXPECT_EQ(in_words(Operations{44, 46, 0}), "44 multiplications, 46 additions");
+  EXPECT_EQ(in_words(Operations{3, 2, 1}), "3 multiplications, 2 additions, 1 division");
 }
 
 TEST(Deploy, NamesTheHeaderAfterTheSource) {

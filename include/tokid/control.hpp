@@ -47,6 +47,9 @@ struct Controller {
 
   // \throws std::invalid_argument if the parts do not fit each other
   void check() const;
+  // \throws std::invalid_argument if the controller was not designed from this model, or has a number that is not
+  // finite
+  void check(const Model& model) const;
 };
 
 // The cost of a controller, with the state known. V_k(z) = zᵀ P_k z - 2 p_kᵀ z + c_k is the smallest cost of the steps

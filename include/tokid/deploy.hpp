@@ -19,6 +19,7 @@ struct DeployOptions {
 struct Operations {
   Index multiplications = 0, additions = 0, divisions = 0;  // subtractions are additions
 };
+std::string in_words(const Operations& count);  // "44 multiplications, 46 additions, 1 division"
 
 struct DeployedCode {
   std::string name;            // NAME

@@ -47,6 +47,19 @@ CostToGo cost_to_go_of(const lq::Solution& solution) {
   return cost;
 }
 
+// Does a system have the channels and the steps of a controller?
+void check_system(const Controller& controller, const Model& system, const char* name) {
+  const Controller& c = controller;
+  system.check();
+  if (system.steps() == 0) throw std::invalid_argument(fmt::format("{}: no step found, at least one needed", name));
+  if (system.inputs != c.u_nominal.cols() || system.outputs != c.outputs)
+    throw std::invalid_argument(fmt::format("{}: {} inputs and {} outputs found, {} and {} of the controller needed",
+                                            name, system.inputs, system.outputs, c.u_nominal.cols(), c.outputs));
+  if (system.k_begin > c.begin || !has_step(system, c.end() - 1))
+    throw std::invalid_argument(fmt::format("{}: steps {} to {} found, {} to {} of the controller needed", name,
+                                            system.k_begin, system.k_end() - 1, c.begin, c.end() - 1));
+}
+
 }  // namespace
 
 void Controller::check() const {
@@ -60,6 +73,26 @@ void Controller::check() const {
   for (const Matrix& gain : K) fits = fits && gain.rows() == r;
   for (const Matrix& gain : L) fits = fits && gain.rows() == r && gain.cols() == r;
   if (!fits) throw std::invalid_argument("controller: parts of different sizes found, those that lqr() gives needed");
+}
+
+void Controller::check(const Model& model) const {
+  check();
+  check_system(*this, model, "model");
+  if (digest_of_system(model, begin, end()) != system)
+    throw std::invalid_argument(
+        "model: other matrices or coordinates found, those of the model needed from which the controller was designed");
+  for (Index k = begin; k < end(); ++k) {
+    const size_t s = size_t(k - begin);
+    if (K[s].cols() != states_at(model, k))
+      throw std::invalid_argument(
+          fmt::format("controller: a gain of {} x {} found at step {}, {} x {} of the model needed", K[s].rows(),
+                      K[s].cols(), k, model.inputs, states_at(model, k)));
+    if (!K[s].allFinite() || (!L.empty() && !L[s].allFinite()))
+      throw std::invalid_argument(fmt::format("controller: a gain that is not finite found at step {}", k));
+  }
+  if (!feedforward.allFinite() || !u_nominal.allFinite() || !y_nominal.allFinite())
+    throw std::invalid_argument(
+        "controller: a feedforward or nominal value that is not finite found, finite ones needed");
 }
 
 Vector Controller::input(Index k, const Eigen::Ref<const Vector>& x, const Eigen::Ref<const Vector>& u_last) const {
@@ -155,21 +188,8 @@ struct Loop {
 };
 
 void check_loop(const Loop& loop) {
-  const Controller& c = loop.controller;
-  c.check();
-  for (const auto& [name, model] : {std::pair{"model", &loop.model}, {"truth", &loop.truth}}) {
-    model->check();
-    if (model->steps() == 0) throw std::invalid_argument(fmt::format("{}: no step found, at least one needed", name));
-    if (model->inputs != c.u_nominal.cols() || model->outputs != c.outputs)
-      throw std::invalid_argument(fmt::format("{}: {} inputs and {} outputs found, {} and {} of the controller needed",
-                                              name, model->inputs, model->outputs, c.u_nominal.cols(), c.outputs));
-    if (model->k_begin > c.begin || !has_step(*model, c.end() - 1))
-      throw std::invalid_argument(fmt::format("{}: steps {} to {} found, {} to {} of the controller needed", name,
-                                              model->k_begin, model->k_end() - 1, c.begin, c.end() - 1));
-  }
-  if (digest_of_system(loop.model, c.begin, c.end()) != c.system)
-    throw std::invalid_argument(
-        "model: other matrices or coordinates found, those of the model needed from which the controller was designed");
+  loop.controller.check(loop.model);
+  check_system(loop.controller, loop.truth, "truth");
   if (loop.truth.k_begin > loop.model.k_begin)
     throw std::invalid_argument(fmt::format("truth: first step {} found, {} or earlier needed, the first of the model",
                                             loop.truth.k_begin, loop.model.k_begin));

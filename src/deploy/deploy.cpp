@@ -10,7 +10,7 @@
 #include <optional>
 #include <stdexcept>
 
-#include "control/system_digest.hpp"
+#include "base/words.hpp"
 #include "deploy/source.hpp"
 #include "deploy/tables.hpp"
 #include "model/continuation.hpp"
@@ -58,41 +58,15 @@ void check_model(const Model& model, const Rows& rows) {
                     model.n(model.k_end()), first));
 }
 
-void check_controller(const Controller& c, const Model& model, const Rows& rows) {
-  const auto need = [](bool holds, const std::string& what) {
-    if (!holds) throw std::invalid_argument("controller: " + what);
-  };
-  const Index r = model.inputs;
-  c.check();
-  need(c.u_nominal.cols() == r && c.outputs == model.outputs,
-       fmt::format("{} inputs and {} outputs found, {} and {} of the model needed", c.u_nominal.cols(), c.outputs, r,
-                   model.outputs));
-  need(c.begin >= rows.begin && has_step(model, c.end() - 1),
-       fmt::format("steps {} to {} found, steps of the model needed", c.begin, c.end() - 1));
-  for (Index k = c.begin; k < c.end(); ++k) {
-    const size_t s = size_t(k - c.begin);
-    need(c.K[s].rows() == r && c.K[s].cols() == states_at(model, k),
-         fmt::format("a gain of {} x {} found at step {}, {} x {} of the model needed", c.K[s].rows(), c.K[s].cols(), k,
-                     r, states_at(model, k)));
+// The code has one nominal trajectory.
+void check_nominal(const Controller& controller, const Model& model) {
+  for (Index k = controller.begin; k < controller.end(); ++k) {
+    const auto own = controller.u_nominal.row(k - controller.begin);
     const Index row = nominal_row(model, model.u_nominal, k);
-    const bool same =
-        row < 0 ? c.u_nominal.row(Index(s)).isZero(0) : c.u_nominal.row(Index(s)) == model.u_nominal.row(row);
-    need(same, fmt::format("another nominal input found at step {}, that of the model needed", k));
-    need(c.K[s].allFinite() && (c.L.empty() || c.L[s].allFinite()) && c.feedforward.allFinite(),
-         fmt::format("a gain or feedforward that is not finite found at step {}", k));
+    if (row < 0 ? !own.isZero(0) : own != model.u_nominal.row(row))
+      throw std::invalid_argument(
+          fmt::format("controller: another nominal input found at step {}, that of the model needed", k));
   }
-  need(digest_of_system(model, c.begin, c.end()) == c.system,
-       "gains for other matrices or coordinates found, those for this model needed");
-}
-
-// The state at the first step.
-Vector start_of(const Model& model, const DeployOptions& options) {
-  if (const std::optional<Vector> x0 = observer::known_start(model, model.initial_state, true)) return *x0;
-  if (options.start_from_zero) return Vector::Zero(model.n(model.k_begin));
-  throw std::invalid_argument(fmt::format(
-      "model: an unknown initial state at step {} found, a known one or x0_mean needed. With start_from_zero the "
-      "observer starts from zero, and its first predictions are wrong",
-      model.k_begin));
 }
 
 void append_rows(const Matrix& matrix, std::vector<double>& block) {
@@ -204,12 +178,6 @@ Operations control_operations(const Controller& controller, bool nominal) {
   return {products, products + (nominal ? r : 0), 0};
 }
 
-std::string in_words(const Operations& count) {
-  std::string text = fmt::format("{} multiplications, {} additions", count.multiplications, count.additions);
-  if (count.divisions > 0) text += fmt::format(", {} division{}", count.divisions, count.divisions == 1 ? "" : "s");
-  return text;
-}
-
 std::string channel_lines(const char* symbol, const std::vector<std::string>& names,
                           const std::vector<std::string>& units) {
   std::string lines;
@@ -252,6 +220,12 @@ std::string description(const Model& model, const Rows& rows, const Vector& star
 
 }  // namespace c_code
 
+std::string in_words(const Operations& count) {
+  std::string text = fmt::format("{} multiplications, {} additions", count.multiplications, count.additions);
+  if (count.divisions > 0) text += ", " + words::plural(count.divisions, "division");
+  return text;
+}
+
 DeployedCode deploy(const Model& model, const DeployOptions& options, const Controller* controller) {
   using namespace tokid::c_code;
   DeployedCode code;
@@ -260,9 +234,17 @@ DeployedCode deploy(const Model& model, const DeployOptions& options, const Cont
     throw std::invalid_argument(fmt::format("name: '{}' found, {} needed", code.name, name_rule));
   const Rows rows = rows_of(model);
   check_model(model, rows);
-  if (controller) check_controller(*controller, model, rows);
-  const Vector start = start_of(model, options);
-  const bool known = observer::known_start(model, model.initial_state, true).has_value();
+  if (controller) {
+    controller->check(model);
+    check_nominal(*controller, model);
+  }
+  const std::optional<Vector> known = observer::known_start(model, model.initial_state, true);
+  if (!known && !options.start_from_zero)
+    throw std::invalid_argument(fmt::format(
+        "model: an unknown initial state at step {} found, a known one or x0_mean needed. With start_from_zero the "
+        "observer starts from zero, and its first predictions are wrong",
+        model.k_begin));
+  const Vector start = known ? *known : Vector::Zero(model.n(model.k_begin));
   const bool held = controller && !controller->L.empty();
   const Index r = model.inputs, m = model.outputs, largest = std::max<Index>(model.states(), 1);
 
@@ -329,8 +311,8 @@ DeployedCode deploy(const Model& model, const DeployOptions& options, const Cont
   const Channels names = complete(model.names, r, m);
   words["channels"] = channel_lines("u", names.input_names, names.input_units) +
                       channel_lines("y", names.output_names, names.output_units);
-  words["description"] = description(model, rows, start, known);
-  words["stored"] = fmt::format("{} different step{}", code.stored_steps, code.stored_steps == 1 ? "" : "s");
+  words["description"] = description(model, rows, start, known.has_value());
+  words["stored"] = tokid::words::plural(code.stored_steps, "different step");
   words["table_bytes"] = fmt::format("{}", code.table_bytes);
   words["state_bytes"] = fmt::format("{}", code.state_bytes);
   words["operations"] = in_words(code.step);

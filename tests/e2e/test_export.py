@@ -532,9 +532,9 @@ def test_refusals(tokid, folder):
     law = dict(np.load(folder / "c.npz"))
     save(folder, model, **{name: model[name][:20] for name in ("A", "B", "C", "D", "G", "innovation_cov")},
          state_dim=model["state_dim"][:21], **dict.fromkeys(("Q", "R", "K", "singular_values", "condition", "rank", "lags")))
-    refused("controller: steps", folder / "changed.npz", "--controller", folder / "c.npz")
+    refused("model: steps", folder / "changed.npz", "--controller", folder / "c.npz")
     tokid("identify", folder / "data.npz", "-o", folder / "other.npz", "--states", 4, "--frame", "smooth", "--quiet")
-    refused("controller: gains for other matrices", folder / "other.npz", "--controller", folder / "c.npz")
+    refused("model: other matrices", folder / "other.npz", "--controller", folder / "c.npz")
     law["u_nominal"] = law["u_nominal"] + 1
     np.savez(folder / "c2.npz", **law)
     refused("controller: another nominal input", folder / "model.npz", "--controller", folder / "c2.npz")
