@@ -5,7 +5,7 @@ build_packages := g++ cmake ninja-build libeigen3-dev libboost-dev libhdf5-dev l
 test_packages  := $(build_packages) libgtest-dev libopenmpi-dev openmpi-bin \
                   python3 python3-numpy python3-scipy python3-h5py python3-pytest \
                   python3-dev python3-venv chromium fonts-dejavu-core octave octave-control \
-                  gcc-arm-none-eabi libnewlib-arm-none-eabi qemu-system-arm
+                  clang gcc-arm-none-eabi libnewlib-arm-none-eabi qemu-system-arm
 wheel_packages := cmake ninja-build binutils debian-archive-keyring dpkg-dev python3 python3-venv
 wheel_test_packages := $(build_packages) debootstrap python3 python3-venv qemu-user-static
 bench_packages := $(build_packages) libbenchmark-dev libopenblas-serial-dev libopenmpi-dev openmpi-bin \

@@ -24,10 +24,15 @@ OK, EARLY, ENDED, BAD_SAMPLE, OVERFLOW = range(5)
 EPSILON = {"double": np.finfo(float).eps, "float": np.finfo(np.float32).eps}
 
 
-def compiled(folder, sources, *flags):
-    library = folder / f"{Path(sources[0]).stem}.so"
-    subprocess.run(["gcc", *STRICT, *(flags or ["-O2"]), "-shared", "-fPIC", *map(str, sources), "-o", str(library)],
-                   check=True)
+def compiled(folder, sources, *flags, compiler="gcc"):
+    """The functions of the sources, which the other compiler has to accept, too."""
+    for program in ("gcc", "clang"):
+        if not shutil.which(program):
+            pytest.fail(f"{program} not found. On Debian: gcc clang")
+    library = folder / f"{Path(sources[0]).stem}{len(list(folder.glob('*.so')))}.so"  # a process loads a name once
+    sources, other = list(map(str, sources)), {"gcc": "clang", "clang": "gcc"}[compiler]
+    subprocess.run([other, *STRICT, "-fsyntax-only", *sources], check=True)
+    subprocess.run([compiler, *STRICT, *(flags or ["-O2"]), "-shared", "-fPIC", *sources, "-o", str(library)], check=True)
     return ctypes.CDLL(str(library))
 
 
@@ -467,8 +472,9 @@ def test_sizes_are_those_of_the_object(tokid, folder):
             assert compiled(folder, [test]).size() == report["state_bytes"]
 
 
+@pytest.mark.parametrize("compiler", ["gcc", "clang"])
 @pytest.mark.parametrize("flags", [["-O0"], ["-O2"], ["-O3", "-march=native"]])
-def test_identified_model(tokid, folder, flags):
+def test_identified_model(tokid, folder, flags, compiler):
     """A model of noisy data, exported from all formats, compiled in the strictest way."""
     tokid("predict", folder / "model.npz", folder / "data.npz", "-o", folder / "predicted.npz")
     data, expected = np.load(folder / "data.npz"), np.load(folder / "predicted.npz")["y"]
@@ -478,7 +484,7 @@ def test_identified_model(tokid, folder, flags):
         tokid("export", folder / f"copy.{extension}", "-o", folder / "plain.c", "--name", "my_plant")
         texts.add((folder / "plain.c").read_text())
     assert len(texts) == 1
-    library = compiled(folder, [folder / "plain.c"], *flags)
+    library = compiled(folder, [folder / "plain.c"], *flags, compiler=compiler)
     model = support.load(folder / "model.npz")
     for n in range(5):
         found = Code(library, "my_plant", model).predict(data["u"][n], data["y"][n])
