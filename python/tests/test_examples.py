@@ -14,7 +14,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "examples" / "python"
-NAMES = ["mujoco_swing_up", "own_regression", "paper_example", "pendubot"]
+NAMES = ["mujoco_crane", "mujoco_swing_up", "own_regression", "paper_example", "pendubot"]
 
 
 @pytest.fixture
@@ -98,6 +98,29 @@ def test_pendubot_names_absent_data(notebook, tmp_path, monkeypatch):
     monkeypatch.setenv("TOKID_DATA", str(tmp_path / "nowhere"))
     with pytest.raises(SystemExit, match="nowhere"):
         notebook("pendubot")
+
+
+def test_mujoco_crane(notebook, capsys):
+    pytest.importorskip("mujoco")
+    found = notebook("mujoco_crane")
+    assert found["model"].states == 5  # trolley, rope and motor
+    assert len(found["boards"]) == 20 and all(len(trip.log) == 150 for trip in found["boards"])
+    lost = np.mean([np.isnan(samples) for trip in found["boards"] for _, samples in trip.log])
+    assert 0.08 < lost < 0.12
+    # Rounding errors of float, 1.2e-7, in sums of at most eight products, for some 20 steps until they have decayed
+    assert 0 < found["difference"] < 8 * 20 * 1.2e-7 * found["largest"]
+    table = found["table"]
+    assert np.all(np.divide(table["open loop"], table["C code"]) > 1.5) and np.all(found["end_ratio"] > 5)
+    # The page says what comes out, up to the digits of the machine and to times.
+    page = (ROOT / "docs" / "deploy.md").read_text(encoding="utf-8")
+    printed = capsys.readouterr().out.splitlines()
+    told = re.search(r"^Runs  .*?^Forces .*?$", page, re.MULTILINE | re.DOTALL)[0].splitlines()
+    number = r"\d[-\d.e]*"
+    assert [re.sub(number, "#", line).split() for line in told] == [re.sub(number, "#", line).split() for line in printed]
+    for a, b in zip(told, printed):
+        if a.startswith(("Model", "Forces")):
+            continue
+        assert list(map(float, re.findall(number, a))) == pytest.approx(list(map(float, re.findall(number, b))), rel=0.1)
 
 
 def test_mujoco_swing_up(notebook, capsys):
