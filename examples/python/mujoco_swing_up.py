@@ -178,39 +178,27 @@ print(f"Model          {model.states} states, steps {model.k_begin} to {model.k_
 # %% [markdown]
 # ## The controller
 #
-# LQR on the matrices of every step. The states of an identified model have no meaning by themselves, so its outputs are
-# weighted: a metre and a radian count alike. The observer of the model estimates the states from the encoders. It
-# starts from zero, knowing nothing of how far away the start is.
-
+# `Model.lqr` designs gains for every step. The states of an identified model have no meaning by themselves, so its
+# outputs are weighted: a metre and a radian count alike. The observer of the model estimates the states from the
+# encoders. It starts from the mean of the runs, knowing nothing of how far away the start is.
 
 # %%
-def lqr(A, B, C, effort):
-    """Gains K of u = K x that keep the outputs C x small."""
-    gains = [np.zeros(b.T.shape) for b in B]
-    P = C[-1].T @ C[-1]
-    for k in reversed(range(len(A) - 1)):
-        a, b, c = A[k], B[k], C[k]
-        gains[k] = -np.linalg.solve(effort * np.eye(b.shape[1]) + b.T @ P @ b, b.T @ P @ a)
-        P = c.T @ c + effort * gains[k].T @ gains[k] + (a + b @ gains[k]).T @ P @ (a + b @ gains[k])
-    return gains
+EFFORT_OF_CONTROL = 1e-3
+controller = model.lqr(1.0, EFFORT_OF_CONTROL)
 
 
 class OutputFeedback:
     """The policy of one run: planned force, corrected by the estimated state."""
 
-    def __init__(self, model, gains, random):
-        self.model, self.gains, self.random = model, gains, random
-        self.x = np.zeros(model.states)
+    def __init__(self, controller, random):
+        self.controller, self.observer, self.random = controller, controller.model.observer(), random
 
     def __call__(self, k, state):
-        at = self.model.at(k)
         y = state[:2] + NOISE * self.random.standard_normal(2) - y_plan[k]
-        u = self.gains[k] @ self.x
-        self.x = at.A @ self.x + at.B @ u - at.G @ (y - at.C @ self.x - at.D @ u)
+        u = self.controller.input(k, self.observer.state)
+        self.observer.step(u, y)
         return u_plan[k] + u[0]
 
-
-gains = lqr(model.A, model.B, model.C, 1e-3)
 
 # %% [markdown]
 # ## From perturbed starts
@@ -225,11 +213,11 @@ STARTS = 20
 random = np.random.default_rng(7)
 starts = REACH * random.uniform(-1, 1, (STARTS, 5))
 A, B = linearise(x_plan, u_plan)
-ideal = lqr(A, B, [np.eye(2, 5)] * STEPS, 1e-3)
+ideal = tokid.Model.from_matrices(A, B, [np.eye(2, 5)] * STEPS).lqr(1.0, EFFORT_OF_CONTROL)
 policies = {
     "open loop": lambda: lambda k, x: u_plan[k],
-    "identified model": lambda: OutputFeedback(model, gains, random),
-    "all known": lambda: lambda k, x: u_plan[k] + (ideal[k] @ (x - x_plan[k]))[0],
+    "identified model": lambda: OutputFeedback(controller, random),
+    "all known": lambda: lambda k, x: u_plan[k] + ideal.input(k, x - x_plan[k])[0],
 }
 motions = {name: np.array([run(policy(), start) for start in starts]) for name, policy in policies.items()}
 
