@@ -650,3 +650,59 @@ def test_on_a_microcontroller(tokid, folder, precision):
     assert shown[0].shape == (len(u), 4) and np.isfinite(shown[0]).all()
     # Fused products may round differently: a few units in the last place for each of at most 8 products
     support.assert_close(shown[1], shown[0], 20 * 8 * EPSILON[precision])
+
+
+TIMED = r"""
+#include <stdio.h>
+#include <time.h>
+#include "timed.h"
+#define STEPS 40
+static double seconds(int control, int missing)
+{
+  static timed_real y[timed_outputs];
+  timed_real u[timed_inputs] = {0}, prediction[timed_outputs];
+  timed_state state;
+  double least = 1e9, used;
+  int attempt, run, k;
+  clock_t begin;
+  y[0] = missing ? (timed_real)(0.0 / 0.0) : (timed_real)0.1;
+  for (attempt = 0; attempt < 7; ++attempt) {
+    begin = clock();
+    for (run = 0; run < 5000; ++run) {
+      timed_init(&state);
+      for (k = 0; k < STEPS; ++k) {
+        if (control && timed_control(&state, u) != timed_ok) return -1;
+        if (timed_step(&state, u, y, prediction, 0) != timed_ok) return -1;
+      }
+    }
+    used = (double)(clock() - begin) / CLOCKS_PER_SEC / 5000 / STEPS;
+    if (used < least) least = used;
+  }
+  return least;
+}
+int main(void)
+{
+  printf("%.17g %.17g %.17g\n", seconds(0, 0), seconds(0, 1), seconds(1, 0));
+  return 0;
+}
+"""
+
+
+@pytest.mark.parametrize("precision", ["double", "float"])
+def test_time_of_a_step(tokid, folder, precision):
+    """Prints processor times with `-s`. Some 100 operations take less than a microsecond on any machine of today."""
+    tokid("lqr", folder / "model.npz", "--input-rate-weight", 0.1, "-o", folder / "c.npz")
+    tokid("export", folder / "model.npz", "--controller", folder / "c.npz", "-o", folder / "timed.c",
+          *(["--float"] if precision == "float" else []))
+    (folder / "main.c").write_text(TIMED)
+    subprocess.run(["gcc", *STRICT, "-O2", "main.c", "timed.c", "-o", "timed"], cwd=folder, check=True)
+    shown = subprocess.run([folder / "timed"], capture_output=True, text=True, check=True).stdout
+    step, missing, control = (1e9 * float(word) for word in shown.split())
+    subprocess.run(["arm-none-eabi-gcc", *STRICT, *CORTEX_M4[:4], "-O2", "-c", "timed.c", "-o", "timed.o"], cwd=folder,
+                   check=True)
+    sizes = subprocess.run(["arm-none-eabi-nm", "-S", folder / "timed.o"], capture_output=True, text=True, check=True).stdout
+    code = sum(int(line.split()[1], 16) for line in sizes.splitlines() if re.search(" [tT] ", line))
+    print(f"\n{precision}: a step {step:.1f} ns, with a missing output {missing:.1f} ns, with the controller {control:.1f} "
+          f"ns; {code} bytes of code for a Cortex-M4")
+    assert 0 < step < 1000 and 0 < missing < 1000 and 0 < control < 1000
+    assert 0 < code < 4096
