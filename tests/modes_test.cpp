@@ -380,6 +380,66 @@ TEST(FrozenSystem, OfATimeInvariantModelHasItsPulseResponses) {
   }
 }
 
+// The static gain of an oscillator is c b/w² up to terms of dt², which a ratio cancels.
+double static_gain(const Model& model, Index k, Index window) {
+  ModesOptions options;
+  options.window = window;
+  const Step frozen = frozen_system(model, k, options).step[0];
+  return frequency_response(frozen, model.dt, Vector::Zero(1))[0](0, 0).real();
+}
+
+// B and D are linear in the outputs, and symmetric means keep a linear course.
+TEST(FrozenSystem, HasTheInputMatricesOfItsOwnStep) {
+  const auto slope = [](Index k) { return 1 + 0.01 * double(k); };
+  for (const Index window : {2, 4, 8, 12})
+    for (const Index k : {20, 60, 70}) {
+      const Model still = one([](double) { return 4.0; }).model(100);
+      Model inputs = still, direct = still;
+      for (Index i = 0; i < 100; ++i) inputs.at(i).B() *= slope(i), direct.at(i).D().setConstant(slope(i));
+      const double gain = static_gain(still, k, window),
+                   tolerance = 1e3 * epsilon * std::pow(condition(still, window), 2);
+      EXPECT_NEAR(static_gain(inputs, k, window) / gain, slope(k), tolerance) << window << " " << k;
+      EXPECT_NEAR(static_gain(direct, k, window) - gain, slope(k), tolerance * (1 + gain)) << window << " " << k;
+    }
+}
+
+// A growing sensor moves the poles by its growth (MoveByTheGrowthOfTheSensors), and changes the gain by
+// 2 damping growth/w. The gain of another step would differ by the growth over that time: 3 % per W/2 steps.
+TEST(FrozenSystem, HasTheOutputMatrixOfItsOwnStep) {
+  const double w = 4.0, growth = 0.1;
+  const Oscillators plant = one([=](double) { return w; }, 0.01);
+  const Model still = plant.model(100);
+  Model sensors = still, both = still;
+  for (Index i = 0; i < 100; ++i) {
+    const double factor = std::exp(growth * double(i) * plant.dt);
+    sensors.at(i).C() *= factor;
+    both.at(i).C() *= factor;
+    both.at(i).B() /= factor;
+  }
+  for (const Index window : {4, 8, 12})
+    for (const Index k : {20, 60, 70}) {
+      const double gain = static_gain(still, k, window), of_poles = growth * growth / (w * w) + 0.02 * growth / w;
+      const double factor = std::exp(growth * double(k) * plant.dt);
+      // Pulses answer one step later, so the gain of a step is uncertain by the growth over a step.
+      const double tolerance = 2 * of_poles + 1.1 * growth * plant.dt;
+      EXPECT_NEAR(static_gain(sensors, k, window) / gain / factor, 1.0, tolerance) << window << " " << k;
+      EXPECT_NEAR(static_gain(both, k, window) / gain, 1.0, tolerance) << window << " " << k;
+    }
+}
+
+// A delay has no inverse.
+TEST(FrozenSystem, OfADelayHasItsPulseResponses) {
+  Model model = constant_system({3, 1, 1}, 40, 1.0, 107);
+  for (Step& step : model.step) {
+    step.A() << 0, 0, 0, 1, 0, 0, 0, 1, 0.5;
+    step.B() << 1, 0, 0;
+    step.C() << 0, 0, 1;
+  }
+  const Model longer = continued(frozen_system(model, 20), 20);
+  for (Index gap = 1; gap < 15; ++gap)
+    EXPECT_NEAR(pulse_response(longer, gap, 0)(0, 0), pulse_response(model, gap, 0)(0, 0), 1e4 * epsilon) << gap;
+}
+
 // Beside complex arithmetic: C (zI - A)⁻¹ B + D.
 TEST(FrequencyResponse, IsThatOfTheTransferFunction) {
   for (const SystemSize& size : sizes) {

@@ -56,8 +56,11 @@ Modes modes(const Model& model, const ModesOptions& options = {});
 Matrix natural_frequencies(const Modes& modes);  // (S × n) |s| [rad/s]
 Matrix damping_ratios(const Modes& modes);       // (S × n) -Re s/|s|; NaN for s = 0
 
-// The frozen system at step k, as a model of one step with period 1, in the coordinates z of above. B is the mean of
-// Qᵀ O_{j+1} B_j, D that of D_k. C fits the window: its block i is C Aⁱ. Equal to the model if that is time-invariant.
+// The frozen system at step k, as a model of one step with period 1, in the coordinates z of above. C fits the window:
+// its block i is C Aⁱ. D is the mean of D_i over the same steps i around k. B fits the outputs after pulses at these
+// steps: C Aᵍ B is close to the mean of C_{i+1+g} A_{i+g} … A_{i+1} B_i for each g below W/2. If W/2 steps do not
+// determine the state, g goes up to W-1, and B of the last W/2 steps is that of earlier ones. Equal to the model if
+// that is time-invariant.
 // \throws std::invalid_argument as modes(), and for a step without modes or without the whole state in the window
 Model frozen_system(const Model& model, Index k, const ModesOptions& options = {});
 

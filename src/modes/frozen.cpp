@@ -19,6 +19,12 @@ namespace {
 // norm one. Below it, half of the digits would be lost.
 constexpr double determined = 1e-8;
 
+bool determines(const Matrix& observed) {
+  if (observed.rows() < observed.cols()) return false;
+  const Vector sigma = linalg::singular_values(observed * linalg::inverse_norms(observed).asDiagonal());
+  return sigma(sigma.size() - 1) > determined * sigma(0);
+}
+
 Index even(Index steps) { return steps + steps % 2; }
 
 Index least_window(const Model& model) { return even(ceil_div(model.states(), model.outputs)); }
@@ -86,6 +92,8 @@ Frozen::Frozen(const Model& model, Index window) : half_(chosen_window(model, wi
                             : output_sizes(model_, model.k_begin, model.k_end(), reach);
 }
 
+Index Frozen::reach_of(Index k) const { return std::min({half_, k - first_, last_ - k}); }
+
 Matrix Frozen::observed(Index j) const {
   Matrix o = observability(model_, j, 2 * half_);
   for (Index row = 0; row < o.rows(); ++row) o.row(row) /= scale_(row % scale_.size());
@@ -98,7 +106,7 @@ std::vector<Step> Frozen::systems(Index first, Index count) const {
   Index from = 0;
   for (Index k = first + shift_; k < first + shift_ + count; ++k) {
     checkpoint();
-    const Index reach = std::min({half_, k - first_, last_ - k}), begin = k - half_ - reach;
+    const Index reach = reach_of(k), begin = k - half_ - reach;
     const Index end = k - half_ + reach + 2;
     if (observed_from.empty()) from = begin;
     observed_from.erase(observed_from.begin(), observed_from.begin() + (begin - from));
@@ -114,20 +122,16 @@ Step Frozen::system(Index k, Index reach, const std::vector<Matrix>& observed, I
   const Index n = model_.states(), m = model_.outputs, r = model_.inputs, centre = k - half_;
   const auto window = [&](Index j) -> const Matrix& { return observed[size_t(j - from)]; };
   const Matrix scaled = window(centre) * linalg::inverse_norms(window(centre)).asDiagonal();
-  const Vector sigma = linalg::singular_values(scaled);
   const Step none(0, 0, r, m);
-  if (!(sigma(n - 1) > determined * sigma(0))) return none;
+  if (!determines(scaled)) return none;
   const Matrix basis = linalg::orthonormal_factor(scaled);  // Q
 
-  Matrix A = Matrix::Zero(n, n), B = Matrix::Zero(n, r), D = Matrix::Zero(m, r);
+  Matrix A = Matrix::Zero(n, n);
   for (Index j = centre - reach; j <= centre + reach; ++j) {
     const Matrix before = basis.transpose() * window(j), after = basis.transpose() * window(j + 1);
     A += linalg::solve(before.transpose(), (after * model_.at(j).A()).transpose()).transpose();
-    B += after * model_.at(j).B();
-    D += model_.at(j + half_).D();
   }
-  const double share = 1.0 / double(2 * reach + 1);
-  A *= share;
+  A /= double(2 * reach + 1);
   if (!A.allFinite()) return none;
 
   // C is the least-squares solution of C Aⁱ = block i of Q.
@@ -139,7 +143,46 @@ Step Frozen::system(Index k, Index reach, const std::vector<Matrix>& observed, I
   }
   const Matrix C = scale_.asDiagonal() * linalg::solve(gram, sum).transpose();
   if (!C.allFinite()) return none;
-  return Step(A, share * B, C, share * D, Matrix::Zero(n, m));
+  return Step(A, Matrix::Zero(n, r), C, Matrix::Zero(m, r), Matrix::Zero(n, m));
+}
+
+Step Frozen::whole(Index k) const {
+  Step result = systems(k, 1).front();
+  if (result.states() == 0) return result;
+  const Index centre = k + shift_, reach = reach_of(centre), m = model_.outputs, r = model_.inputs;
+  result.D().setZero();
+  for (Index i = centre - reach; i <= centre + reach; ++i) result.D() += model_.at(i).D();
+  result.D() /= double(2 * reach + 1);
+
+  // As many steps as lie after every step in the mean. If they don't determine the state, a whole window.
+  Index steps = half_;
+  Matrix observed = answers(result, steps);
+  if (!determines(observed)) observed = answers(result, steps = 2 * half_);
+  const Index last = std::min(centre, model_.k_end() - 1 - steps - reach);  // centre of the mean
+  Matrix pulses = Matrix::Zero(steps * m, r);
+  for (Index i = last - reach; i <= last + reach; ++i) {
+    Matrix x = model_.at(i).B();
+    for (Index gap = 0; gap < steps; ++gap) {
+      const Step& step = model_.at(i + 1 + gap);
+      pulses.middleRows(gap * m, m) += scale_.cwiseInverse().asDiagonal() * (step.C() * x);
+      x = step.A() * x;
+    }
+  }
+  const Vector norms = linalg::inverse_norms(observed);
+  const Matrix scaled = observed * norms.asDiagonal(), basis = linalg::orthonormal_factor(scaled);
+  result.B() = norms.asDiagonal() *
+               linalg::solve(basis.transpose() * scaled, basis.transpose() * pulses / double(2 * reach + 1));
+  return result;
+}
+
+Matrix Frozen::answers(const Step& system, Index steps) const {
+  const Index m = model_.outputs;
+  Matrix result(steps * m, system.states()), row = scale_.cwiseInverse().asDiagonal() * system.C();
+  for (Index i = 0; i < steps; ++i) {
+    result.middleRows(i * m, m) = row;
+    row = row * system.A();
+  }
+  return result;
 }
 
 }  // namespace tokid::modes_of

@@ -21,10 +21,16 @@ class Frozen {
   Index begin() const { return begin_; }  // first step with modes
   Index count() const { return count_; }  // number of steps with modes
   // The systems of `count` steps, from step `first` on; without states where the window does not determine the state.
-  // The observer gains are zero.
+  // B, D and the observer gains are zero.
   std::vector<Step> systems(Index first, Index count) const;
+  // The system of step k with B and D, which are means around k like A. B is the least-squares fit of the outputs after
+  // pulses at these steps. This needs no inverse of A, which delays make singular.
+  Step whole(Index k) const;
 
  private:
+  Index reach_of(Index k) const;  // steps on either side of k in the means
+  // The scaled outputs of a system without inputs over some steps (steps·m × n).
+  Matrix answers(const Step& system, Index steps) const;
   Matrix observed(Index j) const;  // O_j of the scaled outputs (W·m × n)
   Step system(Index k, Index reach, const std::vector<Matrix>& observed, Index from) const;
 

@@ -136,7 +136,7 @@ Model frozen_system(const Model& model, Index k, const ModesOptions& options) {
   if (k < frozen.begin() || k >= frozen.begin() + frozen.count())
     throw std::invalid_argument(fmt::format("step: {} found, {} to {} needed with a window of {} steps", k,
                                             frozen.begin(), frozen.begin() + frozen.count() - 1, frozen.window()));
-  Step system = frozen.systems(k, 1).front();
+  Step system = frozen.whole(k);
   if (system.states() == 0)
     throw std::invalid_argument(fmt::format(
         "window: the outputs of the {} steps around step {} don't determine the state; a longer window needed",
