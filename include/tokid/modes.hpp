@@ -35,15 +35,16 @@ struct Modes {
   Index window = 0;  // W
   double slow = 0.1;
   // (S × n) s = log(z)/dt [1/s] of the eigenvalues z of the frozen A. Frequencies above π/dt appear below it
-  // (aliasing). |z| below 1e-12 counts as 1e-12. NaN where the outputs of the window do not determine the state.
+  // (aliasing). |z| below 1e-12 counts as 1e-12. NaN where the outputs of a window in the mean do not determine the
+  // state.
   Eigen::MatrixXcd poles;
   // (S) of (m × n): the outputs of each mode, the largest one 1
   std::vector<Eigen::MatrixXcd> shapes;
   // (S × n) relative change of pole and shape during 1/|s|: √(|ṡ/s|² + θ²)/|s| with the angle θ [rad/s] of the shape.
   // NaN with a single step.
   Matrix variation;
-  // (S × n): variation ≤ slow, and z is no negative real number, which no continuous system has. Other frozen modes
-  // describe the motion poorly.
+  // (S × n): variation ≤ slow, and |s| < π/dt. Samples do not show faster modes: z is a negative real number, or the
+  // mode decays within a step. Frozen modes that are not valid describe the motion poorly.
   Eigen::Array<bool, Eigen::Dynamic, Eigen::Dynamic> valid;
 
   Index steps() const { return poles.rows(); }  // S

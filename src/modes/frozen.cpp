@@ -123,13 +123,18 @@ Step Frozen::system(Index k, Index reach, const std::vector<Matrix>& observed, I
   const auto window = [&](Index j) -> const Matrix& { return observed[size_t(j - from)]; };
   const Matrix scaled = window(centre) * linalg::inverse_norms(window(centre)).asDiagonal();
   const Step none(0, 0, r, m);
-  if (!determines(scaled)) return none;
+  // Each window of the mean must determine its state: a sensor may be dead for some steps.
+  if (!determines(scaled) || !determines(window(centre + reach + 1))) return none;
   const Matrix basis = linalg::orthonormal_factor(scaled);  // Q
 
   Matrix A = Matrix::Zero(n, n);
   for (Index j = centre - reach; j <= centre + reach; ++j) {
-    const Matrix before = basis.transpose() * window(j), after = basis.transpose() * window(j + 1);
-    A += linalg::solve(before.transpose(), (after * model_.at(j).A()).transpose()).transpose();
+    const Vector norms = linalg::inverse_norms(window(j));
+    const Matrix before = basis.transpose() * window(j) * norms.asDiagonal();
+    const Matrix after = basis.transpose() * window(j + 1) * model_.at(j).A() * norms.asDiagonal();
+    const linalg::MinimumNorm map = linalg::minimum_norm(before.transpose(), after.transpose(), determined);
+    if (map.rank < n) return none;
+    A += map.x.transpose();
   }
   A /= double(2 * reach + 1);
   if (!A.allFinite()) return none;

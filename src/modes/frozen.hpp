@@ -20,7 +20,7 @@ class Frozen {
   Index window() const { return 2 * half_; }
   Index begin() const { return begin_; }  // first step with modes
   Index count() const { return count_; }  // number of steps with modes
-  // The systems of `count` steps, from step `first` on; without states where the window does not determine the state.
+  // The systems of `count` steps, from step `first` on; without states where a window does not determine the state.
   // B, D and the observer gains are zero.
   std::vector<Step> systems(Index first, Index count) const;
   // The system of step k with B and D, which are means around k like A. B is the least-squares fit of the outputs after

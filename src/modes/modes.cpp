@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <stdexcept>
 
 #include "base/nan.hpp"
@@ -27,10 +28,9 @@ std::complex<double> continuous(std::complex<double> z, double dt) {
   return std::complex<double>(std::log(std::max(std::abs(z), smallest)), std::arg(z)) / dt;
 }
 
-// A negative real eigenvalue belongs to no continuous system: its pole has no conjugate.
-bool has_continuous_system(std::complex<double> s, double dt) {
-  return std::abs(std::abs(s.imag()) * dt - std::acos(-1.0)) > 1e-12;
-}
+// Samples show no mode that is faster than half of their rate: z is a negative real number, which belongs to no
+// continuous system, or the mode decays to less than e^-π within a step. Rounding errors must not decide about z = -1.
+bool resolved(std::complex<double> s, double dt) { return std::abs(s) * dt < std::numbers::pi * (1 - 1e-12); }
 
 StepModes spectrum_of(const Step& frozen, Index states, double dt) {
   const Index m = frozen.outputs();
@@ -117,7 +117,7 @@ Modes modes(const Model& model, const ModesOptions& options) {
       const double size = variation(spectra, first + k, i, model.dt);
       result.poles(Index(k), i) = s;
       result.variation(Index(k), i) = size;
-      result.valid(Index(k), i) = size <= options.slow && has_continuous_system(s, model.dt);
+      result.valid(Index(k), i) = size <= options.slow && resolved(s, model.dt);
     }
   }
   return result;
