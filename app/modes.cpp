@@ -104,11 +104,13 @@ std::string report(const Call& call, const Model& model, const Table& t) {
   if (unknown > 0)
     page.row("", fmt::format("at {}, the window of outputs does not determine the state", plural(unknown, "step")));
   if (model.period > 1) {
-    const Eigen::VectorXcd multipliers = floquet_multipliers(model);
-    std::vector<std::string> sizes;
+    const Eigen::VectorXcd multipliers = floquet_multipliers(model), exponents = floquet_exponents(model);
+    std::vector<std::string> sizes, rates;
     for (const std::complex<double>& value : multipliers) sizes.push_back(number(std::abs(value)));
-    page.row("Floquet", fmt::format("sizes of the multipliers over {} steps: {}", model.period,
-                                    fmt::format("{}", fmt::join(sizes, ", "))));
+    for (const std::complex<double>& value : exponents) rates.push_back(number(value.real()));
+    page.row("Floquet",
+             fmt::format("sizes of the multipliers over {} steps: {}", model.period, fmt::join(sizes, ", ")));
+    page.row("", fmt::format("rates of growth [1/s]: {}", fmt::join(rates, ", ")));
   }
   if (!call.output.empty()) page.row("Written", call.output.string());
   return page.text();
@@ -162,6 +164,9 @@ Json json(const Call& call, const Model& model, const Table& t) {
     const Eigen::VectorXcd multipliers = floquet_multipliers(model);
     j["multipliers_real"] = numbers(multipliers.real());
     j["multipliers_imag"] = numbers(multipliers.imag());
+    const Eigen::VectorXcd exponents = floquet_exponents(model);
+    j["exponents_real"] = numbers(exponents.real());
+    j["exponents_imag"] = numbers(exponents.imag());
   }
   if (t.bounds) {
     j["level"] = t.bounds->level;

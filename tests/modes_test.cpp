@@ -523,6 +523,59 @@ TEST(Floquet, MultipliersDoNotDependOnCoordinatesOrTheFirstStep) {
   }
 }
 
+// Multipliers far outside the range of numbers, and far apart: eigenvalues of one matrix S_{k+1} D S_k⁻¹ per step.
+TEST(Floquet, ExponentsOfLongPeriodsKeepTheirDigits) {
+  const Complex pair(0.7, 0.2);
+  for (const Index period : {1, 7, 300, 3000}) {
+    Model model = constant_system({5, 1, 1}, 2 * period, 1.0, 140);
+    Matrix d = Matrix::Zero(5, 5);
+    d.diagonal() << 1.9, pair.real(), pair.real(), 0.5, -0.49;
+    d(1, 2) = pair.imag(), d(2, 1) = -pair.imag();
+    for (Step& step : model.step) step.A() = d;
+    std::vector<Matrix> S = transformations(model, 141);
+    for (size_t k = size_t(period); k < S.size(); ++k) S[k] = S[k - size_t(period)];
+    Model moved = transform(model, S);
+    moved.period = period;
+    moved.dt = 0.1;
+    const Eigen::VectorXcd found = floquet_exponents(moved), multipliers = floquet_multipliers(moved);
+    const Complex roots[] = {1.9, pair, std::conj(pair), 0.5, -0.49};
+    // Each of the P products has rounding errors of the size of the condition number of S, at most 25.
+    const double tolerance = 1e3 * double(period) * epsilon * 25;
+    for (Index i = 0; i < 5; ++i) {
+      EXPECT_NEAR(found(i).real() * 0.1, std::log(std::abs(roots[i])), tolerance / double(period))
+          << period << " " << i;
+      if (std::abs(roots[i]) == 0.5 && period < 7) continue;
+      const Complex power = std::pow(roots[i] / std::abs(roots[i]), double(period));
+      const double angle = std::abs(std::arg(std::exp(Complex(0, found(i).imag() * 0.1 * double(period))) / power));
+      const double mirrored = std::abs(std::arg(std::exp(Complex(0, found(i).imag() * 0.1 * double(period))) * power));
+      EXPECT_LE(std::min(angle, mirrored), tolerance) << period << " " << i;
+      const double size = std::abs(multipliers(i)), log_size = double(period) * std::log(std::abs(roots[i]));
+      // The largest number is e^709.8, the smallest one e^-745.
+      if (log_size > 710) {
+        EXPECT_EQ(size, std::numeric_limits<double>::infinity());
+      }
+      if (log_size < -746) {
+        EXPECT_EQ(size, 0.0);
+      }
+      if (std::abs(log_size) < 700) {
+        EXPECT_NEAR(std::log(size), log_size, tolerance);
+      }
+    }
+  }
+}
+
+TEST(Floquet, MultipliersOfDelaysAreZero) {
+  Model model = periodic_system({3, 1, 1}, 12, 4, 1.0, 145);
+  model.period = 4;
+  for (Step& step : model.step) step.A().row(2).setZero();
+  const Eigen::VectorXcd found = floquet_multipliers(model), exponents = floquet_exponents(model);
+  Matrix product = Matrix::Identity(3, 3);
+  for (Index k = 8; k < 12; ++k) product = model.at(k).A() * product;
+  EXPECT_LE(distance(found, linalg::eigenvalues(product)), 1e3 * epsilon);
+  EXPECT_LE(std::abs(found(2)), 100 * epsilon * std::abs(found(0)));
+  EXPECT_LE(exponents(2).real(), -7.0);  // 4 steps make at most log(ε)/4 from rounding errors
+}
+
 TEST(ModeBounds, HoldTheTruthOfASlowSystem) {
   const Oscillators plant = one([](double t) { return 4 + 0.2 * t; }, 0.05);
   const Model system = plant.model(60);

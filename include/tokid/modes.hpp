@@ -70,9 +70,13 @@ Model frozen_system(const Model& model, Index k, const ModesOptions& options = {
 std::vector<Eigen::MatrixXcd> frequency_response(const Step& system, double dt, const Vector& frequencies);
 
 // (n) eigenvalues of A_{k+P-1} … A_k of a periodic model, in decreasing size. They are the same for each k and in all
-// coordinates, and say exactly how the state grows over a period, at any speed of variation. Multipliers below
-// about 1e-16 times the largest are lost in rounding errors. \throws std::invalid_argument without a period
+// coordinates, and say exactly how the state grows over a period, at any speed of variation. The product is never
+// formed, so that small multipliers keep their digits beside large ones. Infinite or zero outside the range of numbers;
+// the exponents are then still right. \throws std::invalid_argument without a period
 Eigen::VectorXcd floquet_multipliers(const Model& model);
+// (n) log(multiplier)/(P dt) [1/s], in the same order: rates of growth, and frequencies between ±π/(P dt). The real
+// part is -infinity for a multiplier of zero.
+Eigen::VectorXcd floquet_exponents(const Model& model);
 
 // Bounds of frequencies and damping ratios, by function_bounds(). The modes of replicates are those with the nearest
 // poles. The intervals include the error of freezing the time that grows with the window, as far as it exceeds its

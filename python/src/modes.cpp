@@ -53,8 +53,11 @@ nb::object shapes_of(const Modes& modes, Index outputs) {
 nb::any object_of(const Modes& m, const Model& model, const std::optional<ModeBounds>& bounds) {
   const Matrix valid = m.valid.matrix().cast<double>();
   const nb::object none = nb::none();
-  const nb::object multipliers =
-      model.period > 0 ? table(Eigen::MatrixXcd(floquet_multipliers(model).transpose())).attr("ravel")() : none;
+  const auto list = [](const Eigen::VectorXcd& values) {
+    return nb::object(table(Eigen::MatrixXcd(values.transpose())).attr("ravel")());
+  };
+  const nb::object multipliers = model.period > 0 ? list(floquet_multipliers(model)) : none;
+  const nb::object exponents = model.period > 0 ? list(floquet_exponents(model)) : none;
   return make("Modes", {{"begin", m.begin},
                         {"dt", m.dt},
                         {"window", m.window},
@@ -65,7 +68,8 @@ nb::any object_of(const Modes& m, const Model& model, const std::optional<ModeBo
                         {"shapes", shapes_of(m, model.outputs)},
                         {"variation", table(m.variation)},
                         {"valid", nb::object(table(valid).attr("astype")("bool"))},
-                        {"multipliers", nb::object(multipliers)},
+                        {"multipliers", multipliers},
+                        {"exponents", exponents},
                         {"level", bounds ? nb::cast(bounds->level) : none},
                         {"frequency_bounds", bounds ? nb::object(interval_of(bounds->frequency)) : none},
                         {"damping_bounds", bounds ? nb::object(interval_of(bounds->damping)) : none},

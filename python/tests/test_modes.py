@@ -45,7 +45,7 @@ def test_modes_of_a_known_model():
     np.testing.assert_allclose(np.abs(found.poles), found.frequency)
     np.testing.assert_array_equal(found.poles[:, 1], found.poles[:, 0].conj())
     assert found.shapes.shape == (len(found.steps), 1, 2) and found.valid.all() and found.valid.dtype == bool
-    assert found.multipliers is None and found.frequency_bounds is None and found.findings == []
+    assert found.multipliers is None and found.exponents is None and found.frequency_bounds is None and found.findings == []
     assert not oscillator().modes(slow=1e-4).valid.any()
     assert oscillator().modes(window=6).begin == 3
 
@@ -68,6 +68,7 @@ def test_multipliers_of_a_periodic_model():
     product = np.linalg.multi_dot(list(model.A)[::-1])
     np.testing.assert_allclose(np.sort_complex(periodic.modes().multipliers),
                                np.sort_complex(np.linalg.eigvals(product)))
+    np.testing.assert_allclose(np.exp(periodic.modes().exponents * 10 * DT), periodic.modes().multipliers)
 
 
 def test_intervals(identified):

@@ -1173,6 +1173,8 @@ class Modes(_Found):
         False: the frozen mode describes the motion poorly.
     multipliers : ndarray of complex, shape (n,), or None
         Floquet multipliers of a periodic model.
+    exponents : ndarray of complex, shape (n,), or None
+        Floquet exponents log(multipliers)/(P dt) [1/s]; also where multipliers leave the range of numbers.
     level : float or None
         Probability that an interval contains the true value.
     frequency_bounds, damping_bounds : Interval of shape (S, n), or None
@@ -1191,6 +1193,7 @@ class Modes(_Found):
     variation: Array
     valid: npt.NDArray[np.bool_]
     multipliers: Optional[ComplexArray]
+    exponents: Optional[ComplexArray]
     level: Optional[float]
     frequency_bounds: Optional[Interval]
     damping_bounds: Optional[Interval]

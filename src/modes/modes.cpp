@@ -174,19 +174,4 @@ std::vector<Eigen::MatrixXcd> frequency_response(const Step& system, double dt, 
   return result;
 }
 
-Eigen::VectorXcd floquet_multipliers(const Model& model) {
-  if (model.period < 1 || model.steps() < model.period)
-    throw std::invalid_argument(fmt::format("period: {} found in a model of {} steps, 1 to {} needed", model.period,
-                                            model.steps(), model.steps()));
-  // The last period of the model, because the states of the first steps may not all exist.
-  const Index end = model.k_end();
-  Matrix product = Matrix::Identity(model.n(end - model.period), model.n(end - model.period));
-  for (Index k = end - model.period; k < end; ++k) product = model.at(k).A() * product;
-  Eigen::VectorXcd result = linalg::eigenvalues(product);
-  std::stable_sort(result.begin(), result.end(), [](std::complex<double> a, std::complex<double> b) {
-    return std::abs(a) != std::abs(b) ? std::abs(a) > std::abs(b) : a.imag() > b.imag();
-  });
-  return result;
-}
-
 }  // namespace tokid
