@@ -80,6 +80,10 @@ void Command::excludes(const char* name, const char* other) {
   parser_->get_option(name)->excludes(parser_->get_option(other));
 }
 
+void Command::needs(const char* name, const char* other) {
+  parser_->get_option(name)->needs(parser_->get_option(other));
+}
+
 void Command::runs(std::function<void()> work) { parser_->callback(std::move(work)); }
 
 void Command::text(const char* name, const char* type, const char* description,

@@ -100,6 +100,7 @@ class Command {
             std::string needed);
 
   void excludes(const char* name, const char* other);  // the two options can't be given together
+  void needs(const char* name, const char* other);     // the first option has no effect without the other one
   void runs(std::function<void()> work);
 
  private:

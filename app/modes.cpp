@@ -230,9 +230,8 @@ void add_modes(CLI::App& tool) {
   command.count_or_auto("--window", call->options.window,
                         "Steps of outputs that define the states, even (auto: the steps that determine a state)");
   command.number<double>("--slow", call->options.slow, "V",
-                         "Largest variation of a mode, while it turns by one radian, at which it counts as frozen "
-                         "(default 0.1)",
-                         0.0);
+                         "Largest variation of a valid mode while it turns by one radian (default 0.1)", 0.0);
+  for (const char* option : {"--level", "--replicates", "--seed"}) command.needs(option, "--confidence");
   command.threads(call->options.execution.threads);
   command.flag("--json", call->json, "Print one JSON object");
   command.runs([call] { run(*call); });

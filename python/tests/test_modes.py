@@ -113,11 +113,19 @@ def test_functions_of_any_shape_and_their_errors(identified):
 
 @pytest.mark.parametrize("options, said", [
     ({"window": 3}, "window: 3 found, an even number"), ({"window": 0}, "window: 0 found"),
-    ({"slow": -1}, "slow: -1 found"), ({"level": 2.0}, "level: 2.0 found"), ({"replicates": 1}, "replicates: 1 found"),
+    ({"slow": -1}, "slow: -1 found"), ({"level": 0.9}, "level: 0.9 found without data"),
+    ({"replicates": 30}, "replicates: 30 found without data"), ({"seed": 2}, "seed: 2 found without data"),
 ])
 def test_wrong_options(options, said):
     with pytest.raises(ValueError, match=said):
         oscillator().modes(**options)
+
+
+@pytest.mark.parametrize("options, said", [
+    ({"level": 2.0}, "level: 2.0 found, a number"), ({"replicates": 1}, "replicates: 1 found, a whole number")])
+def test_wrong_options_of_intervals(options, said):
+    with pytest.raises(ValueError, match=said):
+        oscillator().modes(experiments(oscillator()), **options)
 
 
 def test_wrong_steps():

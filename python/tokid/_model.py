@@ -652,7 +652,7 @@ class Model(StateSpace):
         *,
         window: Union[int, str] = "auto",
         slow: float = 0.1,
-        level: float = 0.95,
+        level: Optional[float] = None,
         replicates: Optional[int] = None,
         seed: Optional[int] = None,
         threads: int = 1,
@@ -668,12 +668,12 @@ class Model(StateSpace):
             Even number of steps whose outputs define the states. "auto": the steps that determine a state.
         slow : float, default 0.1
             A mode is valid if it varies by at most this share while it turns by one radian.
-        level : float, default 0.95
-            Probability that an interval contains the true value.
+        level : float, optional
+            Probability that an interval contains the true value, by default 0.95. Only with data.
         replicates : int, optional
-            Number of bootstrap replicates, by default 200.
+            Number of bootstrap replicates, by default 200. Only with data.
         seed : int, optional
-            Seed of the bootstrap, by default 1.
+            Seed of the bootstrap, by default 1. Only with data.
         threads, progress
             As in `tokid.identify`.
 
@@ -682,13 +682,16 @@ class Model(StateSpace):
         Modes
         """
         data = None if u is None else self._data(u, y, outputs=True)[0]
+        for name, value in (("level", level), ("replicates", replicates), ("seed", seed)):
+            if data is None and value is not None:
+                raise ValueError(f"{name}: {value!r} found without data, which intervals need")
         with listener(progress, "modes") as listening:
             result: Modes = _tokid.modes(
                 self._core,
                 data,
                 window=_options.count_or_auto("window", window),
                 slow=_options.real("slow", slow, 0.0),
-                **_bootstrap_options(level, replicates, seed, threads),
+                **_bootstrap_options(0.95 if level is None else level, replicates, seed, threads),
                 listener=listening,
             )
         warn(result.warnings)

@@ -115,6 +115,9 @@ def test_a_periodic_model_has_multipliers(tokid, folder, tmp_path):
     (["--window", "3"], "window: 3 found, an even number of steps from 2 on needed for 2 states and 1 outputs"),
     (["-o", "modes.npz"], "extension '.npz' found, one of .csv needed to write a table"),
     (["--confidence", "truth.npz"], "truth.npz"),
+    (["--level", "0.9"], "--level requires --confidence"),
+    (["--replicates", "30"], "--replicates requires --confidence"),
+    (["--seed", "2"], "--seed requires --confidence"),
 ])
 def test_wrong_calls_are_refused(tokid, folder, options, said):
     result = tokid("modes", "truth.npz", *options, status=2, cwd=folder)
