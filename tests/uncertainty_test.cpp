@@ -571,6 +571,11 @@ TEST(FunctionBounds, AgreeWithConfidence) {
   }
   EXPECT_EQ(message([&] { function_bounds(model, data, last, o, 3); }),
             "steps: 3 found, a divisor of the 2 entries of the function needed");
+  EXPECT_EQ(message([&] {
+              function_bounds(
+                  model, data, [](const Model&) { return Vector(); }, o);
+            }),
+            "function: no values found, at least one needed");
   o.level = 1.0;
   EXPECT_EQ(message([&] { function_bounds(model, data, last, o); }), "level: 1 found, 0 < level < 1 needed");
 }

@@ -217,7 +217,8 @@ struct FunctionBounds {
   Findings findings;
 };
 // Uses level, replicates, seed and execution of the options. \throws std::invalid_argument as confidence(), and for
-// fewer experiments than the bootstrap needs or a number of entries that is no multiple of `steps`
+// fewer experiments than the bootstrap needs, a function without entries, or a number of entries that is no multiple of
+// `steps`
 FunctionBounds function_bounds(const Model& model, const Ensemble& data, const Functional& function,
                                const ConfidenceOptions& options = {}, Index steps = 1);
 

@@ -111,6 +111,16 @@ def test_functions_of_any_shape_and_their_errors(identified):
         model.confidence(data, function=changes, replicates=5)
 
 
+@pytest.mark.parametrize("value, said", [
+    (None, "objects such as None found, real numbers needed"), ([], "no values found, at least one needed"),
+    (np.zeros((0, 2)), "no values found"), (1j, "complex numbers found, real numbers needed"),
+    ([1.0, None], "objects such as None found"), ("4", "real numbers needed")])
+def test_functions_without_real_numbers(identified, value, said):
+    model, data = identified
+    with pytest.raises(ValueError, match=f"function: .*{said}"):
+        model.confidence(data, function=lambda m: value, replicates=5)
+
+
 @pytest.mark.parametrize("options, said", [
     ({"window": 3}, "window: 3 found, an even number"), ({"window": 0}, "window: 0 found"),
     ({"slow": -1}, "slow: -1 found"), ({"level": 0.9}, "level: 0.9 found without data"),

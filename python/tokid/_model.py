@@ -62,6 +62,17 @@ def _bootstrap_options(level: float, replicates: Optional[int], seed: Optional[i
     }
 
 
+def _values_of(function: Callable[[Model], ArrayLike], model: Model) -> Array:
+    """The values of a user's function as an array of real numbers."""
+    found = np.asarray(function(model))
+    if found.dtype.kind not in "biuf":
+        kind = {"O": "objects such as None", "c": "complex numbers"}.get(found.dtype.kind, f"values of {found.dtype}")
+        raise ValueError(f"function: {kind} found, real numbers needed, with NaN for a missing value")
+    if found.size == 0:
+        raise ValueError("function: no values found, at least one needed")
+    return found.astype(float)
+
+
 @dataclass(frozen=True)
 class Origin:
     """The evidence of the call that made a model."""
@@ -572,8 +583,10 @@ class Model(StateSpace):
             All experiments of the identification, including held-out ones.
         function : callable, optional
             Maps a model to an array of real numbers, always of the same shape, with NaN for a missing value. It must
-            not depend on the coordinates of the states, because replicates have other coordinates. The bounds are then
-            those of its values, by the bootstrap; `method`, `band` and `reference_step` have no effect.
+            not depend on the coordinates of the states, because replicates have other coordinates: entries of A, B or
+            C have no bounds. Poles (`modes`), frequency responses, pulse responses (`markov`) and simulated outputs
+            do not depend on coordinates. The bounds are those of the values, by the bootstrap; `method`, `band` and
+            `reference_step` have no effect.
         level : float, default 0.95
             Probability that an interval contains the true value.
         method : {"auto", "factors", "bootstrap"}
@@ -625,10 +638,10 @@ class Model(StateSpace):
         threads: int,
         progress: Progress,
     ) -> FunctionBounds:
-        shape = np.shape(function(self))
+        shape = _values_of(function, self).shape
 
         def values(core: _tokid.Model) -> Array:
-            found = np.asarray(function(Model._of(core)), dtype=float)
+            found = _values_of(function, Model._of(core))
             if found.shape != shape:
                 raise ValueError(f"function: values of shape {found.shape} found, {shape} needed as for the model itself")
             return np.ascontiguousarray(found.ravel())

@@ -129,6 +129,7 @@ FunctionBounds function_bounds(const Model& model, const Ensemble& data, const F
   const IdentifyOptions identification = identify_options(model.provenance);
   const Ensemble training = uncertainty::training_part(model, data, identification);
   const Index entries = function(model).size();
+  if (entries == 0) throw std::invalid_argument("function: no values found, at least one needed");
   if (steps < 1 || entries % steps != 0)
     throw std::invalid_argument(
         fmt::format("steps: {} found, a divisor of the {} entries of the function needed", steps, entries));
