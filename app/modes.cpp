@@ -63,8 +63,9 @@ std::vector<Index> rows_of(const Call& call, const Modes& modes) {
 
 std::string with_width(double value, const Interval* interval, Index k, Index i, double factor) {
   if (!interval) return number(value * factor);
-  return fmt::format("{} ± {}", number(value * factor),
-                     number((interval->upper(k, i) - interval->lower(k, i)) / 2 * factor));
+  // Limits of the interval, as of a damping ratio at 1, make the sides unequal.
+  const double width = std::max(interval->upper(k, i) - value, value - interval->lower(k, i));
+  return fmt::format("{} ± {}", number(value * factor), number(width * factor));
 }
 
 std::string report(const Call& call, const Model& model, const Table& t) {
@@ -80,7 +81,7 @@ std::string report(const Call& call, const Model& model, const Table& t) {
   const Interval* frequency = t.bounds ? &t.bounds->frequency : nullptr;
   const Interval* damping = t.bounds ? &t.bounds->damping : nullptr;
   std::vector<std::vector<std::string>> rows{
-      {"step", "time [s]", "mode", "rad/s", "Hz", "damping", "variation", "frozen"}};
+      {"step", "time [s]", "mode", "rad/s", "Hz", "damping", "variation", "valid"}};
   for (const Index k : rows_of(call, modes))
     for (Index i = 0; i < modes.count(); ++i) {
       if (!leads(modes, k, i)) continue;
@@ -99,10 +100,12 @@ std::string report(const Call& call, const Model& model, const Table& t) {
       ++all;
       valid += modes.valid(k, i);
     }
-  page.row("Frozen", fmt::format("{} of {} modes at all steps vary by at most {:.3g} while they turn by one radian",
-                                 valid, all, modes.slow));
+  page.row("Valid", fmt::format("{} of {} pairs of step and mode: they vary by at most {:.3g} while the mode turns by "
+                                "one radian",
+                                valid, all, modes.slow));
+  if (t.bounds) page.row("", "± of damping includes the variation: the error of freezing is about as large");
   if (unknown > 0)
-    page.row("", fmt::format("at {}, the window of outputs does not determine the state", plural(unknown, "step")));
+    page.row("", fmt::format("at {}, a window of outputs does not determine the state", plural(unknown, "step")));
   if (model.period > 1) {
     const Eigen::VectorXcd multipliers = floquet_multipliers(model), exponents = floquet_exponents(model);
     std::vector<std::string> sizes, rates;
@@ -118,16 +121,16 @@ std::string report(const Call& call, const Model& model, const Table& t) {
 
 // Every mode of every step, with as many digits as a number has.
 std::string csv(const Table& t) {
-  std::string text = "step,time,mode,frequency,hertz,damping,real,imaginary,variation,valid";
+  std::string text = "step,time,mode,frequency,hertz,damping,real,imaginary,variation,window_change,valid";
   if (t.bounds) text += ",frequency_lower,frequency_upper,damping_lower,damping_upper";
   text += '\n';
   for (Index k = 0; k < t.modes.steps(); ++k)
     for (Index i = 0; i < t.modes.count(); ++i) {
       if (!leads(t.modes, k, i)) continue;
       const std::complex<double> s = t.modes.poles(k, i);
-      text += fmt::format("{},{},{},{},{},{},{},{},{},{}", t.modes.begin + k, time(t.modes, k), i + 1,
+      text += fmt::format("{},{},{},{},{},{},{},{},{},{},{}", t.modes.begin + k, time(t.modes, k), i + 1,
                           t.frequency(k, i), t.frequency(k, i) / (2 * std::numbers::pi), t.damping(k, i), s.real(),
-                          s.imag(), t.modes.variation(k, i), int(t.modes.valid(k, i)));
+                          s.imag(), t.modes.variation(k, i), t.modes.window_change(k, i), int(t.modes.valid(k, i)));
       if (t.bounds)
         text += fmt::format(",{},{},{},{}", t.bounds->frequency.lower(k, i), t.bounds->frequency.upper(k, i),
                             t.bounds->damping.lower(k, i), t.bounds->damping.upper(k, i));
@@ -154,6 +157,7 @@ Json json(const Call& call, const Model& model, const Table& t) {
   j["poles_real"] = per_step(t.modes.poles.real());
   j["poles_imag"] = per_step(t.modes.poles.imag());
   j["variation"] = per_step(t.modes.variation);
+  j["window_change"] = per_step(t.modes.window_change);
   j["valid"] = Json::array();
   for (Index k = 0; k < t.modes.steps(); ++k) {
     Json row = Json::array();

@@ -207,11 +207,11 @@ TEST(Modes, ErrAsDerivedForSlowVariation) {
   };
   const auto [fast_frequency, fast_damping] = errors(0.04);
   const auto [slow_frequency, slow_damping] = errors(0.01);
-  EXPECT_GT(fast_damping, 1e-4);  // the order of zero is not known
-  EXPECT_LT(slow_damping, 0.3 * fast_damping);
+  EXPECT_GT(fast_damping, 1e-4);                 // the order of zero is not known
+  EXPECT_LT(slow_damping, 0.25 * fast_damping);  // a quarter of the rate
   // Damping makes a part of the frequency's error of first order: the damping ratio times the error of the damping.
-  EXPECT_LT(slow_frequency, 0.12 * fast_frequency + 0.02 * slow_damping);
-  EXPECT_LT(fast_frequency, 0.04);
+  EXPECT_LT(slow_frequency, 0.0625 * fast_frequency + 0.02 * slow_damping);  // a sixteenth
+  EXPECT_LT(fast_frequency, 0.04 / 3);  // the variation of the slower mode: below what errs in first order
 }
 
 // Outputs that grow like exp(gt) multiply the window of each step by exp(g dt): poles move by g, an error of first
@@ -231,15 +231,55 @@ TEST(Modes, VariationIsTheChangeOverARadian) {
   const Modes found = modes(one([=](double t) { return 5 + rate * t; }, 0.01).model(100));
   for (Index k = 5; k + 5 < found.steps(); ++k) {
     const double w = 5 + rate * double(found.begin + k) * found.dt;
-    EXPECT_NEAR(found.variation(k, 0), rate / (w * w), 0.1 * rate / (w * w));
+    // The frozen pole errs in second order, relative to which its change is of third order.
+    EXPECT_NEAR(found.variation(k, 0), rate / (w * w), std::pow(rate / (w * w), 2));
   }
   EXPECT_TRUE(found.valid.all());
   const Modes fast = modes(one([](double t) { return 3 + 2 * std::sin(4 * t); }).model(100));
-  EXPECT_LT(double(fast.valid.count()), 0.3 * double(fast.valid.size()));
+  EXPECT_LT(double(fast.valid.count()), 0.05 * double(fast.valid.size()));  // where the frequency turns round
   ModesOptions all;
   all.slow = 1e9;
   EXPECT_GT(modes(one([](double t) { return 3 + 2 * std::sin(4 * t); }).model(100), all).valid.count(),
             fast.valid.count());
+}
+
+// The frequency oscillates with the period over which the variation is taken: 1/|s| is 20 steps. The outermost steps
+// are then equal to each other, and to the step between them half a period later.
+TEST(Modes, VariationSeesOscillationsOfEveryPeriod) {
+  for (const double steps : {10, 20, 40}) {
+    const double w = 1.0, dt = 0.05, share = 0.2;
+    const auto frequency = [=](double t) {
+      return w * (1 + share * std::sin(2 * std::numbers::pi * t / (steps * dt)));
+    };
+    const Modes found = modes(one(frequency).model(120));
+    const Matrix poles = natural_frequencies(found);
+    Index valid = 0;
+    for (Index k = 20; k + 20 < found.steps(); ++k) {
+      // The window of four steps leaves most of the oscillation of the pole.
+      const auto part = poles.col(0).segment(k - 20, 41);
+      ASSERT_GT(part.maxCoeff() - part.minCoeff(), 0.1 * w);
+      valid += found.valid(k, 0);
+    }
+    EXPECT_EQ(valid, 0) << steps;
+  }
+}
+
+// The mean over a window of whole periods hides an oscillation; half the window shows it. The motion then has the
+// frequency of the mean stiffness, which a small oscillation hardly changes.
+TEST(Modes, AnotherWindowShowsWhatTheWindowHides) {
+  const auto found = [](double share) {
+    const auto frequency = [=](double t) { return 4 * (1 + share * std::sin(2 * std::numbers::pi * t / 0.4)); };
+    ModesOptions options;
+    options.window = 8;  // 0.4 s: the period
+    return modes(one(frequency).model(120), options);
+  };
+  const Modes large = found(0.8), small = found(0.1);
+  EXPECT_LT(large.variation.middleRows(10, 90).maxCoeff(), 0.1);
+  EXPECT_EQ(large.valid.middleRows(10, 90).count(), 0);
+  EXPECT_TRUE(small.valid.middleRows(10, 90).all());
+  const double mean = 4 * std::sqrt(1 + 0.1 * 0.1 / 2);
+  // A window of 0.4 s is 1.6 rad, so the mean differs within it by at most its square times the square of the share.
+  EXPECT_NEAR(natural_frequencies(small)(50, 0), mean, 1.6 * 1.6 * 0.1 * 0.1 * mean);
 }
 
 TEST(Modes, KeepTheirColumnsWhereFrequenciesCross) {
@@ -247,11 +287,12 @@ TEST(Modes, KeepTheirColumnsWhereFrequenciesCross) {
       {[](double t) { return 4 + 0.3 * t; }, [](double t) { return 5.03 - 0.3 * t; }}, 0.02, Matrix::Identity(2, 2)};
   const Modes found = modes(plant.model(70));
   const Matrix frequency = natural_frequencies(found);
-  // The truth of each column is that of its first step, also after the crossing at t = 1.7 s.
+  // The truth of each column is that of its first step, also after the crossing at t = 1.7 s. Frequencies err by the
+  // damping ratio times the variation, 0.02 · 0.3/4².
   for (Index i = 0; i < 4; ++i) {
     const auto truth = [&](Index k, size_t mode) { return plant.w[mode](double(found.begin + k) * plant.dt); };
     const size_t mode = std::abs(frequency(0, i) - truth(0, 0)) < std::abs(frequency(0, i) - truth(0, 1)) ? 0 : 1;
-    for (Index k = 0; k < found.steps(); ++k) EXPECT_NEAR(frequency(k, i), truth(k, mode), 0.01 * truth(k, mode)) << k;
+    for (Index k = 0; k < found.steps(); ++k) EXPECT_NEAR(frequency(k, i), truth(k, mode), 4e-4 * truth(k, mode)) << k;
   }
   for (Index k = 0; k < found.steps(); ++k)
     for (Index i = 0; i < 4; i += 2) {
@@ -482,7 +523,8 @@ TEST(FrozenSystem, OfADelayHasItsPulseResponses) {
   }
   const Model longer = continued(frozen_system(model, 20), 20);
   for (Index gap = 1; gap < 15; ++gap)
-    EXPECT_NEAR(pulse_response(longer, gap, 0)(0, 0), pulse_response(model, gap, 0)(0, 0), 1e4 * epsilon) << gap;
+    // The windows of six steps have condition numbers below 10, and B is the solution of a fit to them.
+    EXPECT_NEAR(pulse_response(longer, gap, 0)(0, 0), pulse_response(model, gap, 0)(0, 0), 1e3 * epsilon) << gap;
 }
 
 // Beside complex arithmetic: C (zI - A)⁻¹ B + D.
@@ -576,6 +618,45 @@ TEST(Floquet, MultipliersOfDelaysAreZero) {
   EXPECT_LE(exponents(2).real(), -7.0);  // 4 steps make at most log(ε)/4 from rounding errors
 }
 
+// With as many outputs as states, no shorter window exists: twice the window shows the error of freezing.
+TEST(ModeBounds, IncludeTheErrorOfFreezingWithTheShortestWindow) {
+  Oscillators plant = one([](double t) { return 6 + 2.5 * t; }, 0.1);
+  Model system = plant.model(40);
+  system.outputs = 2;
+  for (Step& step : system.step) {
+    Step both(2, 2, 1, 2);
+    both.A() = step.A(), both.B() = step.B(), both.C() = Matrix::Identity(2, 2);
+    step = both;
+  }
+  Ensemble data = with_noise(random_experiments(system, 40, 170), 1e-6, 171);
+  data.dt = plant.dt;
+  IdentifyOptions options;
+  options.states = 2;
+  const Model model = identify(data, options).model;
+  ConfidenceOptions o;
+  o.replicates = 10;
+  ModesOptions shortest, longer;
+  shortest.window = 2;
+  const ModeBounds found = mode_bounds(model, data, shortest, o);
+  longer.window = 4;
+  const Modes other = modes(model, longer);
+  const Index k = 20;
+  const double change =
+      natural_frequencies(other)(k - other.begin, 0) - found.frequency.estimate(k - found.modes.begin, 0);
+  // The error is a third of the change with twice the window; noise of 1e-6 is far below it.
+  EXPECT_GT(std::abs(change), 1e-4);
+  EXPECT_GT(found.frequency.deviation(k - found.modes.begin, 0), 0.2 * std::abs(change));
+  for (Index i = 0; i < found.modes.steps(); ++i) {
+    EXPECT_GE(found.damping.lower(i, 0), -1);
+    EXPECT_LE(found.damping.upper(i, 0), 1);
+    EXPECT_TRUE(std::isfinite(found.frequency.upper(i, 0))) << i;
+    // Velocities decay more slowly than positions by the variation.
+    const double ratio = found.damping.estimate(i, 0), first_order = found.modes.variation(i, 0) * (1 - ratio * ratio);
+    EXPECT_GE(found.damping.upper(i, 0), std::min(1.0, ratio + first_order));
+    EXPECT_LE(found.damping.lower(i, 0), std::max(-1.0, ratio - first_order));
+  }
+}
+
 TEST(ModeBounds, HoldTheTruthOfASlowSystem) {
   const Oscillators plant = one([](double t) { return 4 + 0.2 * t; }, 0.05);
   const Model system = plant.model(60);
@@ -598,6 +679,7 @@ TEST(ModeBounds, HoldTheTruthOfASlowSystem) {
     }
   }
   ASSERT_GT(all, 60);
+  // 95 % hold over many ensembles. Steps of one model err alike, so that three models hold from about 85 % on.
   EXPECT_GE(held, 0.85 * all);
 }
 

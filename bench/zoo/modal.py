@@ -4,7 +4,7 @@
     bench/zoo/modal.py --tool build/bin/tokid [--plants REGEX] [--experiments N] [--seeds S] [--exact]
 
 Prints one line for each oscillating mode of a plant: errors of natural frequency (in per cent) and damping ratio, over
-all steps and ensembles at which the truth oscillates and `tokid modes` calls the mode frozen, and the share of these
+all steps and ensembles at which the truth oscillates and `tokid modes` calls the mode valid, and the share of these
 whose 95 % intervals hold the truth. The true modes are those of the plant's own matrices, between two steps their mean.
 With --exact, the model is the truth in other coordinates, so that only the freezing errs.
 """
@@ -109,7 +109,7 @@ def main():
     given = parser.parse_args()
 
     options = [f"--{word}" if i % 2 == 0 else word for i, word in enumerate(given.options)]
-    print(f"{'plant':16} {'rad/s':>6} {'frozen':>6}   {'frequency [%]: median':>8}  95th  worst  in 2 %  held"
+    print(f"{'plant':16} {'rad/s':>6} {'valid':>6}   {'frequency [%]: median':>8}  95th  worst  in 2 %  held"
           "   damping: median   95th  held")
     for plant in [name for name in EVERY if re.fullmatch(given.plants, name)]:
         condition = Condition(experiments=given.experiments, noise=given.noise)
@@ -119,14 +119,14 @@ def main():
         rows = np.array([row for row in rows if row[1] >= given.from_step]).reshape(-1, 7)
         for mode in np.unique(rows[:, 0]):
             own = rows[rows[:, 0] == mode]
-            frozen = own[~np.isnan(own[:, 3])]
-            if len(frozen) == 0:
+            valid = own[~np.isnan(own[:, 3])]
+            if len(valid) == 0:
                 continue
-            f, d = 100 * np.abs(frozen[:, 3]), np.abs(frozen[:, 4])
-            print(f"{plant:16} {np.median(own[:, 2]):6.2f} {100 * len(frozen) / len(own):5.0f}% {np.median(f):22.3f} "
+            f, d = 100 * np.abs(valid[:, 3]), np.abs(valid[:, 4])
+            print(f"{plant:16} {np.median(own[:, 2]):6.2f} {100 * len(valid) / len(own):5.0f}% {np.median(f):22.3f} "
                   f"{np.percentile(f, 95):6.2f} {f.max():6.2f} {100 * np.mean(f < 2):6.1f}% "
-                  f"{100 * np.mean(frozen[:, 5]):5.1f} {np.median(d):17.4f} {np.percentile(d, 95):6.4f} "
-                  f"{100 * np.mean(frozen[:, 6]):5.1f}", flush=True)
+                  f"{100 * np.mean(valid[:, 5]):5.1f} {np.median(d):17.4f} {np.percentile(d, 95):6.4f} "
+                  f"{100 * np.mean(valid[:, 6]):5.1f}", flush=True)
 
 
 if __name__ == "__main__":

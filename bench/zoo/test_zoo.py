@@ -147,18 +147,20 @@ def test_intervals_hold_the_truth_near_jumps_too(noise):
 @pytest.mark.parametrize("plant, modes, most", [("launch_vehicle", 2, 0.005), ("mass_chain", 1, 0.001), ("beam", 5, 0.02)])
 def test_frozen_modes_of_exact_plants(plant, modes, most):
     rows = np.array(modal.measure(os.environ["TOKID"], plant, Condition(), 1, modal.true_poles(plant_of(plant)), exact=True))
-    frozen = rows[~np.isnan(rows[:, 3])]
-    assert len(np.unique(frozen[:, 0])) == modes and len(frozen) > 0.95 * len(rows)
-    assert np.abs(frozen[:, 3]).max() < most
+    valid = rows[~np.isnan(rows[:, 3])]
+    assert len(np.unique(valid[:, 0])) == modes and len(valid) > 0.95 * len(rows)
+    # Limits above the worst errors of docs/modes.md: 0.29, 0.05 and 1.9 %.
+    assert np.abs(valid[:, 3]).max() < most
 
 
 @needs_tool
 def test_frozen_modes_of_an_identified_plant():
     rows = np.array(modal.measure(os.environ["TOKID"], "stiffness_jump", Condition(), 1,
                                   modal.true_poles(plant_of("stiffness_jump")), replicates=30))
-    frozen = rows[~np.isnan(rows[:, 3])]
-    assert len(frozen) > 0.9 * len(rows) and np.median(np.abs(frozen[:, 3])) < 0.002
-    assert frozen[:, 5].mean() > 0.8
+    valid = rows[~np.isnan(rows[:, 3])]
+    # docs/modes.md: median 0.02 % of three ensembles. Steps of one model err alike, so that fewer than 95 % may hold.
+    assert len(valid) > 0.9 * len(rows) and np.median(np.abs(valid[:, 3])) < 0.002
+    assert valid[:, 5].mean() > 0.8
 
 
 @needs_tool

@@ -40,11 +40,16 @@ struct Modes {
   Eigen::MatrixXcd poles;
   // (S) of (m × n): the outputs of each mode, the largest one 1
   std::vector<Eigen::MatrixXcd> shapes;
-  // (S × n) relative change of pole and shape during 1/|s|: √(|ṡ/s|² + θ²)/|s| with the angle θ [rad/s] of the shape.
-  // NaN with a single step.
+  // (S × n) relative change of pole and shape during 1/|s|: the largest √(|s_j/s_k - 1|² + sin²θ) over the steps j up
+  // to ρ = max(1, ⌈1/(2|s_k| dt)⌉) steps from k, divided by |s_k| ρ dt. θ is the angle between the shapes at j and k.
+  // Near the ends, ρ is the distance to the farthest step. NaN with a single step.
   Matrix variation;
-  // (S × n): variation ≤ slow, and |s| < π/dt. Samples do not show faster modes: z is a negative real number, or the
-  // mode decays within a step. Frozen modes that are not valid describe the motion poorly.
+  // (S × n) the largest |s'_j/s_j - 1| over the steps j up to W/2 from k, with the pole s' of half the window, or of
+  // twice if half does not determine the state. NaN where there is no other window.
+  Matrix window_change;
+  // (S × n): variation ≤ slow, window_change not above 3 slow, and |s| < π/dt. Half a window has more noise, hence
+  // the 3. Samples do not show faster modes: z is a negative real number, or the mode decays within a step. Frozen
+  // modes that are not valid describe the motion poorly.
   Eigen::Array<bool, Eigen::Dynamic, Eigen::Dynamic> valid;
 
   Index steps() const { return poles.rows(); }  // S
@@ -80,7 +85,9 @@ Eigen::VectorXcd floquet_exponents(const Model& model);
 
 // Bounds of frequencies and damping ratios, by function_bounds(). The modes of replicates are those with the nearest
 // poles. The intervals include the error of freezing the time that grows with the window, as far as it exceeds its
-// standard error: the change with a window of half the length shows it.
+// standard error: the change with half the window, or with twice, shows it. They are infinite if the model is too short
+// for twice the window. Damping ratios are between -1 and 1. They err in first order of the variation v: the decay of
+// velocities differs by v from that of positions. Their intervals therefore include v (1-ζ²).
 struct ModeBounds {
   Modes modes;
   Interval frequency;  // (S × n) [rad/s]

@@ -67,6 +67,7 @@ nb::any object_of(const Modes& m, const Model& model, const std::optional<ModeBo
                         {"damping", table(damping_ratios(m))},
                         {"shapes", shapes_of(m, model.outputs)},
                         {"variation", table(m.variation)},
+                        {"window_change", table(m.window_change)},
                         {"valid", nb::object(table(valid).attr("astype")("bool"))},
                         {"multipliers", multipliers},
                         {"exponents", exponents},

@@ -40,8 +40,9 @@ def test_modes_of_a_known_model():
     found = oscillator().modes()
     assert found.steps[0] == found.begin == 2 and found.window == 4
     np.testing.assert_allclose(found.time, found.steps * DT)
-    np.testing.assert_allclose(found.frequency, np.repeat(frequency(found.steps)[:, None], 2, 1), rtol=2e-3)
-    np.testing.assert_allclose(found.damping, 0.05, atol=0.01)
+    # Damping ratios err in first order of the variation 0.2/4², frequencies by that times the damping ratio.
+    np.testing.assert_allclose(found.frequency, np.repeat(frequency(found.steps)[:, None], 2, 1), rtol=0.05 * 0.0125)
+    np.testing.assert_allclose(found.damping, 0.05, atol=0.0125)
     np.testing.assert_allclose(np.abs(found.poles), found.frequency)
     np.testing.assert_array_equal(found.poles[:, 1], found.poles[:, 0].conj())
     assert found.shapes.shape == (len(found.steps), 1, 2) and found.valid.all() and found.valid.dtype == bool
@@ -78,6 +79,7 @@ def test_intervals(identified):
     truth = frequency(found.steps)[:, None]
     assert found.level == 0.95 and bounds.lower.shape == found.frequency.shape
     np.testing.assert_array_equal(bounds.estimate, found.frequency)
+    # Steps of one model err alike: 95 % hold over many ensembles, fewer in some.
     assert np.mean((bounds.lower <= truth) & (truth <= bounds.upper)) > 0.8
     # The same function in Python has the same bootstrap; its intervals have no error of freezing and no averaged bias.
     own = model.confidence(data, function=lambda m: m.modes(window=found.window).frequency[20], replicates=20)

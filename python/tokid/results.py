@@ -1169,6 +1169,8 @@ class Modes(_Found):
         Outputs of each mode; the largest one is 1.
     variation : ndarray, shape (S, n)
         Relative change of pole and shape while the mode turns by one radian.
+    window_change : ndarray, shape (S, n)
+        Relative change of the pole with half the window, or with twice. NaN where there is no other window.
     valid : ndarray of bool, shape (S, n)
         False: the frozen mode describes the motion poorly.
     multipliers : ndarray of complex, shape (n,), or None
@@ -1191,6 +1193,7 @@ class Modes(_Found):
     damping: Array
     shapes: ComplexArray
     variation: Array
+    window_change: Array
     valid: npt.NDArray[np.bool_]
     multipliers: Optional[ComplexArray]
     exponents: Optional[ComplexArray]

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "base/nan.hpp"
 #include "modes/frozen.hpp"
-#include "modes/tracks.hpp"
+#include "modes/spectra.hpp"
 #include "tokid/modes.hpp"
 #include "uncertainty/interval.hpp"
 
@@ -14,43 +15,20 @@ namespace {
 
 constexpr Index freezing_reach = 2;  // steps on either side over which the error of freezing the time is averaged
 
-// The poles (n) of a replicate in the order of the original. NaN where either has none.
-Eigen::VectorXcd in_order_of(const Eigen::VectorXcd& original, const Eigen::VectorXcd& found) {
-  const Index n = original.size();
-  Eigen::VectorXcd result = Eigen::VectorXcd::Constant(n, std::complex<double>(nan, nan));
-  if (found.size() != n || !original.allFinite() || !found.allFinite()) return result;
-  Matrix cost(n, n);
-  for (Index i = 0; i < n; ++i)
-    for (Index j = 0; j < n; ++j) cost(i, j) = std::abs(original(i) - found(j));
-  const std::vector<Index> column = modes_of::assignment(cost);
-  for (Index i = 0; i < n; ++i) result(i) = found(column[size_t(i)]);
-  return result;
-}
-
-// The modes of another model, or with another window, at the steps and in the order of the original.
-Modes in_order_of(const Modes& original, const Modes& found) {
-  Modes result = original;
-  for (Index k = 0; k < result.steps(); ++k) {
-    const Index at = result.begin + k - found.begin;
-    const bool there = at >= 0 && at < found.steps();
-    result.poles.row(k) = in_order_of(Eigen::VectorXcd(original.poles.row(k).transpose()),
-                                      there ? Eigen::VectorXcd(found.poles.row(at).transpose()) : Eigen::VectorXcd())
-                              .transpose();
-  }
-  return result;
-}
-
 // For each step: n frequencies, n damping ratios, and the 2n errors of freezing the time. The error grows with the
-// square of the window. The change with a shorter window is therefore a known share of it.
+// square of the window. The change with another window is therefore a known multiple of it.
 constexpr Index parts = 4;
-Vector values(const Modes& modes, const Modes& shorter, Index shorter_window) {
-  const Index n = modes.count();
-  const double ratio = double(shorter_window) / double(modes.window), share = ratio < 1 ? 1 - ratio * ratio : 1.0;
-  const Matrix frequency = natural_frequencies(modes), damping = damping_ratios(modes),
-               frequency_error = (natural_frequencies(shorter) - frequency) / share,
-               damping_error = (damping_ratios(shorter) - damping) / share;
-  Vector result(parts * n * modes.steps());
-  for (Index k = 0; k < modes.steps(); ++k)
+Vector values(const Eigen::MatrixXcd& poles, const Eigen::MatrixXcd& others, double ratio) {
+  Modes found, other;
+  found.poles = poles;
+  other.poles = others;
+  const Index n = found.count();
+  const double share = ratio * ratio - 1;
+  const Matrix frequency = natural_frequencies(found), damping = damping_ratios(found),
+               frequency_error = (natural_frequencies(other) - frequency) / share,
+               damping_error = (damping_ratios(other) - damping) / share;
+  Vector result(parts * n * found.steps());
+  for (Index k = 0; k < found.steps(); ++k)
     result.segment(parts * n * k, parts * n) << frequency.row(k).transpose(), damping.row(k).transpose(),
         frequency_error.row(k).transpose(), damping_error.row(k).transpose();
   return result;
@@ -64,15 +42,21 @@ Matrix part(const Matrix& all, const Modes& modes, Index which) {
   return result;
 }
 
-// The square of the error of freezing the time, as far as it is larger than its own standard error. Squares are
-// averaged over neighbouring steps.
+// The square of the error of freezing the time at step k, as far as it is larger than its own standard error. Squares
+// are averaged over neighbouring steps. Steps near the ends, where a longer window does not fit, take those of the
+// nearest steps. Infinite if no step has another window.
 double freezing_square(const Matrix& error, const Matrix& deviation, Index k, Index i) {
+  const Index steps = error.rows();
   double sum = 0.0, count = 0.0;
-  for (Index s = std::max<Index>(0, k - freezing_reach); s <= std::min(error.rows() - 1, k + freezing_reach); ++s) {
+  const auto add = [&](Index s) {
+    if (s < 0 || s >= steps) return;
     const double excess = error(s, i) * error(s, i) - deviation(s, i) * deviation(s, i);
     if (std::isfinite(excess)) sum += excess, count += 1;
-  }
-  return count > 0 ? std::max(0.0, sum / count) : 0.0;
+  };
+  add(k);
+  for (Index distance = 1; distance < steps && (distance <= freezing_reach || count == 0); ++distance)
+    add(k - distance), add(k + distance);
+  return count > 0 ? std::max(0.0, sum / count) : std::numeric_limits<double>::infinity();
 }
 
 // The interval of frequencies (which = 0) or damping ratios (1), with the error of freezing the time.
@@ -81,13 +65,24 @@ Interval interval(const FunctionBounds& all, const Modes& modes, Index which, do
                   part(all.interval.lower, modes, which), part(all.interval.upper, modes, which)};
   const Matrix error = part(all.interval.estimate, modes, which + 2),
                deviation = part(all.interval.deviation, modes, which + 2);
+  const double least = which == 0 ? 0.0 : -1.0, most = which == 0 ? std::numeric_limits<double>::infinity() : 1.0;
   for (Index i = 0; i < modes.count(); ++i)
     for (Index k = 0; k < modes.steps(); ++k) {
       const double wider = std::hypot(result.deviation(k, i), std::sqrt(freezing_square(error, deviation, k, i)));
-      if (!(wider > result.deviation(k, i))) continue;
-      result.deviation(k, i) = wider;
-      result.lower(k, i) = result.estimate(k, i) - t * wider;
-      result.upper(k, i) = result.estimate(k, i) + t * wider;
+      if (wider > result.deviation(k, i)) {
+        result.deviation(k, i) = wider;
+        result.lower(k, i) = result.estimate(k, i) - t * wider;
+        result.upper(k, i) = result.estimate(k, i) + t * wider;
+      }
+      if (which == 1) {
+        const double ratio = result.estimate(k, i), first_order = modes.variation(k, i) * (1 - ratio * ratio);
+        if (std::isfinite(first_order)) {
+          result.lower(k, i) = ratio - std::hypot(ratio - result.lower(k, i), first_order);
+          result.upper(k, i) = ratio + std::hypot(result.upper(k, i) - ratio, first_order);
+        }
+      }
+      if (result.lower(k, i) < least) result.lower(k, i) = least;
+      if (result.upper(k, i) > most) result.upper(k, i) = most;
     }
   return result;
 }
@@ -99,11 +94,13 @@ ModeBounds mode_bounds(const Model& model, const Ensemble& data, const ModesOpti
   ModeBounds result;
   result.modes = modes(model, options);
   result.level = confidence.level;
-  const ModesOptions same{result.modes.window, options.slow, {}},
-      shorter{modes_of::half_window(model, result.modes.window), options.slow, {}};
-  const Functional function = [&](const Model& other) {
-    const Modes found = in_order_of(result.modes, modes(other, same));
-    return values(found, in_order_of(found, modes(other, shorter)), shorter.window);
+  const Index window = result.modes.window, other = modes_of::other_window(model, window);
+  const Functional function = [&](const Model& replicate) {
+    const Eigen::MatrixXcd poles =
+        modes_of::poles_in_order(result.modes.poles, result.modes.begin, modes_of::spectra(replicate, window, {}));
+    if (other == 0) return values(poles, Eigen::MatrixXcd::Constant(poles.rows(), poles.cols(), {nan, nan}), 2.0);
+    return values(poles, modes_of::poles_in_order(poles, result.modes.begin, modes_of::spectra(replicate, other, {})),
+                  double(other) / double(window));
   };
   const FunctionBounds found = function_bounds(model, data, function, confidence, result.modes.steps());
   const double t = uncertainty::StudentT(confidence.level)(found.freedom);

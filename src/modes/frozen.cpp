@@ -66,9 +66,20 @@ Vector output_sizes(const Model& model, Index begin, Index end, Index band) {
   return result;
 }
 
+// The last step k with a window before it and after it. The window from k-half+1 on must lie within the model, and the
+// state must be whole at k-half and k-half+1.
+Index last_centre(const Model& model, Index half) {
+  return std::min(model.k_end() - 1 - half, model.full_end() - 2 + half);
+}
+
 }  // namespace
 
-Index half_window(const Model& model, Index window) { return std::max(least_window(model), even(window / 2)); }
+Index other_window(const Model& model, Index window) {
+  const Index half = std::max(least_window(model), even(window / 2));
+  if (half < window) return half;
+  const bool fits = model.period > 0 || last_centre(model, window) >= model.full_begin() + window;
+  return fits ? 2 * window : 0;
+}
 
 Frozen::Frozen(const Model& model, Index window) : half_(chosen_window(model, window) / 2) {
   const Index reach = 2 * half_;
@@ -81,8 +92,7 @@ Frozen::Frozen(const Model& model, Index window) : half_(chosen_window(model, wi
     model_ = model;
   }
   first_ = model_.full_begin() + half_;
-  // The window from j+1 = k-half+1 on must lie within the model, and the state must be whole at j and j+1.
-  last_ = std::min(model_.k_end() - 1 - half_, model_.full_end() - 2 + half_);
+  last_ = last_centre(model_, half_);
   if (last_ < first_)
     throw std::invalid_argument(
         fmt::format("window: {} steps found, the model has {} with all states, {} needed. State a shorter window",

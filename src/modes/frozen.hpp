@@ -8,8 +8,9 @@
 
 namespace tokid::modes_of {
 
-// About half of a window, but at least the shortest one that can determine the state: an even number of steps.
-Index half_window(const Model& model, Index window);
+// A window to compare with: about half of it, or twice if it is the shortest that can determine the state. An even
+// number of steps; 0 if the model is too short for twice the window.
+Index other_window(const Model& model, Index window);
 
 // The windows of outputs of one model. A periodic model is extended, so that all its steps have windows.
 class Frozen {

@@ -10,6 +10,7 @@
 
 #include "base/nan.hpp"
 #include "modes/frozen.hpp"
+#include "modes/spectra.hpp"
 #include "modes/tracks.hpp"
 #include "tokid/linalg.hpp"
 #include "tokid/parallel.hpp"
@@ -19,61 +20,67 @@ namespace tokid {
 namespace {
 
 using modes_of::Frozen;
+using modes_of::Spectra;
 using modes_of::StepModes;
-
-constexpr double smallest = 1e-12;  // |z| of a pole that decays within a step
-constexpr std::complex<double> none(nan, nan);
-
-std::complex<double> continuous(std::complex<double> z, double dt) {
-  return std::complex<double>(std::log(std::max(std::abs(z), smallest)), std::arg(z)) / dt;
-}
 
 // Samples show no mode that is faster than half of their rate: z is a negative real number, which belongs to no
 // continuous system, or the mode decays to less than e^-π within a step. Rounding errors must not decide about z = -1.
 bool resolved(std::complex<double> s, double dt) { return std::abs(s) * dt < std::numbers::pi * (1 - 1e-12); }
 
-StepModes spectrum_of(const Step& frozen, Index states, double dt) {
-  const Index m = frozen.outputs();
-  StepModes result{Eigen::VectorXcd::Constant(states, none), Eigen::MatrixXcd::Constant(m, states, none)};
-  if (frozen.states() == 0) return result;
-  const linalg::Eigensystem eigen = linalg::eigensystem(frozen.A());
-  if (!eigen.values.allFinite()) return result;
-  for (Index i = 0; i < states; ++i) result.poles(i) = continuous(eigen.values(i), dt);
-  result.shapes = frozen.C().cast<std::complex<double>>() * eigen.right;
-  for (Index i = 0; i < states; ++i) {
-    Index largest = 0;
-    const double size = result.shapes.col(i).cwiseAbs().maxCoeff(&largest);
-    if (size > 0) result.shapes.col(i) /= std::complex<double>(result.shapes(largest, i));
-  }
-  return result;
-}
+// Half of a window has several times the noise of a whole one: good poles of noisy models change by up to twice `slow`.
+constexpr double window_limit = 3.0;
 
-std::vector<StepModes> spectra_of(const Frozen& frozen, const Model& model, const Execution& execution) {
-  std::vector<StepModes> result(size_t(frozen.count()));
-  parallel_for(0, frozen.count(), execution, [&](Index begin, Index end) {
-    const std::vector<Step> systems = frozen.systems(frozen.begin() + begin, end - begin);
-    for (Index i = begin; i < end; ++i)
-      result[size_t(i)] = spectrum_of(systems[size_t(i - begin)], model.states(), model.dt);
-  });
-  return result;
-}
-
-// The change of pole i and its shape from one step to another `time` [s] later, over the time 1/|s|.
-double change(const StepModes& before, const StepModes& after, std::complex<double> s, Index i, double time) {
+// The change of pole i and its shape between two steps, relative to |s|.
+double change(const StepModes& from, const StepModes& to, std::complex<double> s, Index i) {
   const double size = std::abs(s);
-  const double change = std::hypot(std::abs(after.poles(i) - before.poles(i)),
-                                   size * modes_of::sine(before.shapes.col(i), after.shapes.col(i)));
-  return change == 0 ? 0.0 : change / (size * size * time);
+  const double change =
+      std::hypot(std::abs(to.poles(i) - from.poles(i)), size * modes_of::sine(from.shapes.col(i), to.shapes.col(i)));
+  return change == 0 ? 0.0 : change / size;
 }
 
-// Differences over the time 1/|s|, but over two steps at least: shorter ones are as random as the noise.
+// The distances of the steps that are compared: all up to 16, and farther ones at growing intervals, so that the time
+// does not grow with the square of the steps. No period divides all of them: a fast oscillation is not missed.
+size_t next(size_t distance) { return distance + 1 + distance / 16; }
+
+// The largest change between step k and the steps up to 1/(2|s|) away, over that time, during 1/|s|. Neighbours alone
+// are as random as the noise, and the outermost steps alone miss an oscillation.
 double variation(const std::vector<StepModes>& spectra, size_t k, Index i, double dt) {
   const std::complex<double> s = spectra[k].poles(i);
+  const size_t room = std::max(k, spectra.size() - 1 - k);
   const double steps = std::ceil(0.5 / (std::abs(s) * dt));
-  const size_t reach = steps < double(spectra.size()) ? std::max<size_t>(1, size_t(steps)) : spectra.size();
-  const size_t first = k > reach ? k - reach : 0, last = std::min(spectra.size() - 1, k + reach);
-  if (first == last) return nan;
-  return change(spectra[first], spectra[last], s, i, double(last - first) * dt);
+  const size_t reach = steps < double(room) ? std::max<size_t>(1, size_t(steps)) : room;
+  double largest = nan, farthest = 0.0;
+  const auto compare = [&](size_t at, size_t distance) {
+    const double found = change(spectra[k], spectra[at], s, i);
+    if (std::isnan(found)) return;
+    largest = std::fmax(largest, found);
+    farthest = double(distance);
+  };
+  for (size_t distance = 1; distance <= reach;
+       distance = distance < reach ? std::min(reach, next(distance)) : reach + 1) {
+    if (distance <= k) compare(k - distance, distance);
+    if (k + distance < spectra.size()) compare(k + distance, distance);
+  }
+  return largest == 0 ? 0.0 : largest / (std::abs(s) * farthest * dt);
+}
+
+// (S × n) relative change of the poles with another window, the largest one over a window: at some phases of an
+// oscillation, both poles are equal. NaN where there is none.
+Matrix window_change(const Model& model, const Eigen::MatrixXcd& poles, Index begin, Index window,
+                     const Execution& execution) {
+  const Index other = modes_of::other_window(model, window);
+  if (other == 0) return Matrix::Constant(poles.rows(), poles.cols(), nan);
+  const Eigen::MatrixXcd found = modes_of::poles_in_order(poles, begin, modes_of::spectra(model, other, execution));
+  const Matrix change = (found - poles).cwiseAbs().cwiseQuotient(poles.cwiseAbs());
+  Matrix result = Matrix::Constant(poles.rows(), poles.cols(), nan);
+  const Index steps = poles.rows();
+  for (Index k = 0; k < steps; ++k)
+    for (Index j = k - window / 2; j <= k + window / 2; ++j) {
+      if (model.period == 0 && (j < 0 || j >= steps)) continue;
+      const Index at = ((j % steps) + steps) % steps;  // a periodic model repeats
+      for (Index i = 0; i < poles.cols(); ++i) result(k, i) = std::fmax(result(k, i), change(at, i));
+    }
+  return result;
 }
 
 void check(const ModesOptions& options) {
@@ -91,8 +98,8 @@ Matrix each_pole(const Modes& modes, double (*value)(std::complex<double>)) {
 
 Modes modes(const Model& model, const ModesOptions& options) {
   check(options);
-  const Frozen frozen(model, options.window);
-  std::vector<StepModes> spectra = spectra_of(frozen, model, options.execution);
+  Spectra found = modes_of::spectra(model, options.window, options.execution);
+  std::vector<StepModes>& spectra = found.step;
   const size_t steps = spectra.size();
   // A periodic model goes on before its first step and after its last step.
   const size_t first = model.period > 0 ? steps : 0;
@@ -103,23 +110,27 @@ Modes modes(const Model& model, const ModesOptions& options) {
 
   const Index n = model.states();
   Modes result;
-  result.begin = frozen.begin();
+  result.begin = found.begin;
   result.dt = model.dt;
-  result.window = frozen.window();
+  result.window = found.window;
   result.slow = options.slow;
   result.poles.resize(Index(steps), n);
-  result.variation.resize(Index(steps), n);
-  result.valid.resize(Index(steps), n);
   for (size_t k = 0; k < steps; ++k) {
+    result.poles.row(Index(k)) = spectra[first + k].poles.transpose();
     result.shapes.push_back(spectra[first + k].shapes);
-    for (Index i = 0; i < n; ++i) {
-      const std::complex<double> s = spectra[first + k].poles(i);
-      const double size = variation(spectra, first + k, i, model.dt);
-      result.poles(Index(k), i) = s;
-      result.variation(Index(k), i) = size;
-      result.valid(Index(k), i) = size <= options.slow && resolved(s, model.dt);
-    }
   }
+  result.window_change = window_change(model, result.poles, result.begin, result.window, options.execution);
+  result.variation.resize(Index(steps), n);
+  parallel_for(0, Index(steps), options.execution, [&](Index begin, Index end) {
+    for (Index k = begin; k < end; ++k)
+      for (Index i = 0; i < n; ++i) result.variation(k, i) = variation(spectra, first + size_t(k), i, model.dt);
+  });
+  result.valid.resize(Index(steps), n);
+  for (Index k = 0; k < Index(steps); ++k)
+    for (Index i = 0; i < n; ++i)
+      result.valid(k, i) = result.variation(k, i) <= options.slow &&
+                           !(result.window_change(k, i) > window_limit * options.slow) &&
+                           resolved(result.poles(k, i), model.dt);
   return result;
 }
 

@@ -54,9 +54,11 @@ def test_the_modes_of_the_truth(tokid, folder, tmp_path):
     begin, values = found["begin"], np.array(found["frequency"])
     steps = begin + np.arange(len(values))
     assert (begin, len(values), found["window"]) == (2, STEPS - 4, 4)
-    np.testing.assert_allclose(values, np.repeat(frequency(steps)[:, None], 2, 1), rtol=2e-3)
-    np.testing.assert_allclose(found["damping"], DAMPING, atol=0.01)
-    np.testing.assert_allclose(np.array(found["variation"])[3:-3], 0.2 / values[3:-3] ** 2, rtol=0.1)
+    # Damping ratios err in first order of the variation, frequencies by that times the damping ratio.
+    most = 0.2 / frequency(0) ** 2
+    np.testing.assert_allclose(values, np.repeat(frequency(steps)[:, None], 2, 1), rtol=DAMPING * most)
+    np.testing.assert_allclose(found["damping"], DAMPING, atol=most)
+    np.testing.assert_allclose(np.array(found["variation"])[3:-3], 0.2 / values[3:-3] ** 2, rtol=most)
     assert np.array(found["valid"]).all()
     np.testing.assert_allclose(np.hypot(found["poles_real"], found["poles_imag"]), values)
     table = rows(tmp_path / "modes.csv")
@@ -73,8 +75,9 @@ def test_intervals_hold_the_truth(tokid, folder, identified, tmp_path):
     truth = frequency(found["begin"] + np.arange(len(found["frequency"])))[:, None]
     lower, upper = np.array(found["frequency_lower"]), np.array(found["frequency_upper"])
     assert np.all((lower < found["frequency"]) & (found["frequency"] < upper))
+    # Steps of one model err alike: 95 % hold over many ensembles. A width of 5 % is what such noise leaves.
     assert np.mean((lower <= truth) & (truth <= upper)) > 0.85
-    assert np.median(upper - lower) < 0.2
+    assert np.median(upper - lower) < 0.05 * frequency(0)
     for row, low, high in zip(rows(tmp_path / "modes.csv"), lower[:, 0], upper[:, 0]):
         assert (row["frequency_lower"], row["frequency_upper"]) == (low, high)
     wide = tokid.json(*call, "--level", 0.99)
@@ -85,7 +88,7 @@ def test_intervals_hold_the_truth(tokid, folder, identified, tmp_path):
 def test_the_printed_table(tokid, identified):
     text = tokid("modes", identified, "--at", "20,40").stdout
     lines = [line.split() for line in text.splitlines()]
-    first, second = (line for line in lines if line[:1] in (["20"], ["40"]))
+    first, second = (line for line in lines if line[:1] in (["20"], ["40"]))  # intervals are 5 % wide: 2 % is within
     assert (first[1], second[1]) == ("1", "2")
     assert float(first[3]) == pytest.approx(frequency(20), rel=0.02)
     assert float(second[4]) == pytest.approx(frequency(40) / (2 * np.pi), rel=0.02)
