@@ -14,7 +14,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "examples" / "python"
-NAMES = ["mujoco_crane", "mujoco_swing_up", "own_regression", "paper_example", "pendubot"]
+NAMES = ["modes", "mujoco_crane", "mujoco_swing_up", "own_regression", "paper_example", "pendubot"]
 
 
 @pytest.fixture
@@ -79,6 +79,15 @@ def test_own_regression(notebook):
     # EM makes similar models of all, which come close to the truth, the best predictor but for chance.
     assert np.all(figures["EM"][:, 0] > best[0] - 0.4) and np.all(figures["EM"][:, 0] < best[0] + 0.05)
     assert np.all(figures["EM"][:, 1] > best[1] - 2) and np.all(figures["EM"][:, 2] < 3.5)
+
+
+def test_modes(notebook):
+    found = notebook("modes")
+    assert found["found"].valid[:, [0, 2]].mean() > 0.95
+    # The page says within 2 % of the truth where the variation is slow.
+    assert np.median(found["errors"], axis=0).max() < 1 and np.mean(found["errors"] < 2) > 0.95
+    # Neighbouring steps of one model have nearly the same error: 95 % hold over many ensembles, fewer in some of them.
+    assert found["held"].min() > 0.6
 
 
 def test_pendubot(notebook, monkeypatch):
