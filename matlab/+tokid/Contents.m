@@ -18,6 +18,7 @@
 %   tokid.predict       outputs with the observer in the loop
 %   tokid.validate      fits and tests on data
 %   tokid.confidence    intervals
+%   tokid.modes         natural frequencies and damping ratios over time
 %   tokid.report        a page that shows whether to trust the model
 %
 % What a model is for

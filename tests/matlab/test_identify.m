@@ -203,6 +203,18 @@ assert(all(bounds.simulated_lower(:) <= bounds.simulated_upper(:)));
 near(bounds.markov(:, :, 2, 6), model.C(:, :, 6) * model.B(:, :, 5), 0.5);
 end
 
+function case_modes()
+data = tokid.example_data('rotating-tube', 'experiments', 60, 'steps', 12, 'measurement_noise', 0.02);
+model = tokid.identify(data, 'method', 'tvera', 'states', 2, 'lags', 2, 'smoothing', 0);
+found = tokid.modes(model, 'window', 4);
+assert(found.window == 4 && isequal(size(found.frequency), size(found.valid)) && size(found.valid, 2) == 2);
+near(found.frequency, abs(found.poles_real + 1i * found.poles_imag), 1e-12);
+sure = tokid.modes(model, data, 'window', 4, 'replicates', 5, 'level', 0.9);
+near(sure.frequency, found.frequency, 1e-12);
+assert(sure.level == 0.9 && all(sure.frequency_lower(:) <= sure.frequency_upper(:)));
+throws('tokid:option', '--replicates requires --confidence', @() tokid.modes(model, 'replicates', 5));
+end
+
 function case_plans()
 [data, evidence] = tokid.plan('states', 4, 'inputs', 2, 'outputs', 2, 'steps', 20, 'amplitude', [0.5 2], ...
                               'experiments', 12, 'noise', [0 0], 'dt', 0.1);

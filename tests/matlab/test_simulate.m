@@ -207,8 +207,8 @@ near(tokid.simulate(whole, u), tokid.simulate(model, u), 1e-15);
 throws('tokid:input', 'u: none found, the arguments are (model, u, ...)', @() tokid.simulate(model));
 throws('tokid:input', 'contents: none found', @() tokid.write('a.npz'));
 throws('tokid:input', 'model: none found', @() tokid.report('a.html'));
-names = {'simulate', 'to_ss', 'predict', 'validate', 'confidence', 'refine', 'report', 'update', 'read', 'write', ...
-         'example_data', 'ensemble'};
+names = {'simulate', 'to_ss', 'predict', 'validate', 'confidence', 'modes', 'refine', 'report', 'update', 'read', ...
+         'write', 'example_data', 'ensemble'};
 for i = 1:numel(names)
   throws('tokid:input', 'none found', @() feval(['tokid.', names{i}]));
 end

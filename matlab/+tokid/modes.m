@@ -1,0 +1,36 @@
+function found = modes(model, varargin)
+% TOKID.MODES  Natural frequencies and damping ratios over time, with the time frozen at each step.
+%
+%   found = tokid.modes(model)
+%   found = tokid.modes(model, u, y)           with intervals, by a bootstrap
+%   found = tokid.modes(model, data, 'replicates', 100)
+%
+% The data are those of the identification, all of them; see tokid.ensemble. The struct has the fields of
+% 'tokid modes --json': frequency [rad/s], damping, poles_real and poles_imag [1/s], variation, window_change and valid
+% are S x n, the first row is that of step `begin`. Columns follow modes; a conjugate pair has two columns. With data,
+% there are frequency_lower, frequency_upper, damping_lower and damping_upper. docs/modes.md says how far to trust
+% frozen modes. Options:
+%   'window'      even number of steps whose outputs define the states, or 'auto'
+%   'slow'        largest variation of a valid mode (default 0.1)
+%   'level', 'replicates', 'seed'   of the intervals
+%   'threads'     0 for all of the machine
+%
+% Warnings have the identifier tokid:modes. Errors as in tokid.identify, and tokid:model.
+
+% SPDX-License-Identifier: BSD-3-Clause
+
+tokid.internal.need(nargin, 'model');
+known = {'window', 'value'; 'slow', 'value'; 'level', 'value'; 'replicates', 'value'; 'seed', 'value'; ...
+         'threads', 'value'};
+[folder, clean] = tokid.internal.folder(); %#ok<ASGLU>
+[file, files] = tokid.internal.take_model(folder, model);
+call = {'modes', file, '--json'};
+pairs = varargin;
+if ~isempty(pairs) && ~any(strcmp(pairs{1}, known(:, 1)))
+  [data, pairs, of_data] = tokid.internal.take_data(folder, true, pairs, model, {});
+  call = [call, {'--confidence', data}];
+  files = [files; of_data];
+end
+words = tokid.internal.options('modes', known, pairs, tokid.internal.data_fields());
+found = tokid.internal.decode(tokid.internal.call([call, words], folder, files), folder);
+end
