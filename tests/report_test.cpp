@@ -500,6 +500,60 @@ TEST(Verdict, DoesNotBlameFreshDataForTheRegressions) {
       << all_reasons(v);
 }
 
+// The checks decide once: status and reasons follow from them, and the page shows the same.
+TEST(Verdict, IsTheWorstOfItsChecks) {
+  Model good = oscillator(40), wrong = good, ill = good;
+  for (Step& step : good.step) step.G().setZero();
+  for (Step& step : wrong.step) step.B() = -step.B();
+  for (Step& step : ill.step) step.set_condition(10.0), step.set_rank(1), step.set_lags(2);
+  ill.step[7].set_condition(1e9);
+  Ensemble dead = noisy(20, 40), outlier = noisy(30, 45), silent = noisy(5, 7);
+  for (Index k = 0; k < 40; ++k) {
+    dead.output(k).col(1).setConstant(7.0);
+    outlier.output(k).row(11) *= -1;
+    silent.output(k).setConstant(nan);
+  }
+  struct Expected {
+    const Model* model;
+    Ensemble data;
+    std::vector<std::string> failed;
+  };
+  const Expected cases[] = {{&good, noisy(20, 2), {}},
+                            {&good, noisy(1, 9), {"experiments"}},
+                            {&good, dead, {"outputs"}},
+                            {&good, outlier, {"outliers"}},
+                            {&good, silent, {"outputs"}},
+                            {&ill, noisy(20, 2), {"condition", "rank"}},
+                            {&wrong, noisy(20, 5), {"simulation_fit", "independence", "gains"}}};
+  for (const auto& [model, data, failed] : cases) {
+    const ReportPage page = report_page(*model, data);
+    const Verdict& v = page.verdict;
+    Trust worst = Trust::good;
+    std::vector<std::string> reasons, names;
+    for (const VerdictCheck& check : v.checks) {
+      EXPECT_FALSE(check.name.empty() || check.subject.empty() || check.found.empty() || check.needed.empty());
+      worst = std::max(worst, check.result.value_or(Trust::good));
+      reasons.insert(reasons.end(), check.reasons.begin(), check.reasons.end());
+      if (check.result.value_or(Trust::good) == Trust::good) {
+        EXPECT_TRUE(check.reasons.empty()) << check.name;
+      } else {
+        names.push_back(check.name);
+      }
+      EXPECT_TRUE(contains(page.html, escape(check.subject))) << check.subject;
+    }
+    EXPECT_EQ(v.trust, worst);
+    std::vector<std::string> told = v.reasons;
+    std::sort(told.begin(), told.end());
+    std::sort(reasons.begin(), reasons.end());
+    EXPECT_EQ(told, reasons);
+    for (const std::string& name : failed)
+      EXPECT_TRUE(std::find(names.begin(), names.end(), name) != names.end()) << name << ": " << all_reasons(v);
+    if (failed.empty()) {
+      EXPECT_TRUE(names.empty()) << all_reasons(v);
+    }
+  }
+}
+
 TEST(Verdict, CountsOneExperimentAsHardlyATest) {
   const Verdict v = verdict(oscillator(40), noisy(1, 9));
   EXPECT_EQ(v.trust, Trust::look_closer);

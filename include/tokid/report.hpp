@@ -35,11 +35,23 @@ struct ReportOptions {
 enum class Trust { good, look_closer, distrust };
 const char* to_string(Trust trust);  // "good", "look closer", "don't trust"
 
-// The verdict, at the top of the page: one sentence of figures, and the reasons for the status.
+// A check of the verdict, in words.
+struct VerdictCheck {
+  std::string name;                  // "simulation_fit", …; docs/formats.md lists the names
+  std::string subject;               // what is checked
+  std::string found, needed;         // the figure of these data, and its bound; found: why not, if it is not tested
+  std::optional<Trust> result;       // good: passed; empty: not tested
+  std::vector<std::string> reasons;  // why it did not pass; empty if it passed, or if another check has the reason
+};
+
+// The verdict, at the top of the page: one sentence of figures, the reasons for the status, and the checks that decide.
 struct Verdict {
   Trust trust = Trust::distrust;
   std::string summary;
   std::vector<std::string> reasons;  // reasons against the model, the most serious first; empty if there are none
+  // `trust` is the worst result of the checks, and `reasons` are their reasons. If nothing can be compared, the checks
+  // end with the one that says so.
+  std::vector<VerdictCheck> checks;
   // The prediction horizon of the fits that decide; 0: the simulation decides. Predictions decide if, with the noise of
   // this model, the simulation of an exact model would have a poor fit too.
   Index horizon = 0;

@@ -297,8 +297,19 @@ nb::any object_of(const LikelihoodChoice& c) {
 }
 
 nb::any object_of(const Verdict& v) {
-  return make("Verdict",
-              {{"trust", to_string(v.trust)}, {"summary", v.summary}, {"reasons", v.reasons}, {"horizon", v.horizon}});
+  nb::list checks;
+  for (const VerdictCheck& c : v.checks)
+    checks.append(make("VerdictCheck", {{"name", c.name},
+                                        {"subject", c.subject},
+                                        {"found", c.found},
+                                        {"needed", c.needed},
+                                        {"result", c.result ? nb::cast(to_string(*c.result)) : nb::none()},
+                                        {"reasons", c.reasons}}));
+  return make("Verdict", {{"trust", to_string(v.trust)},
+                          {"summary", v.summary},
+                          {"reasons", v.reasons},
+                          {"checks", checks},
+                          {"horizon", v.horizon}});
 }
 
 nb::any object_of(const Identification& i) {

@@ -180,6 +180,14 @@ def test_report_beside_an_ensemble(model, data, tmp_path):
     assert (tmp_path / "other.html").exists() and repr(verdict) == repr(model.report(data))
 
 
+def test_report_has_the_checks_of_its_verdict(model, data):
+    verdict = model.report(data)
+    order = ["good", "look closer", "don't trust"]
+    assert verdict.trust == max((check.result for check in verdict.checks if check.result), key=order.index)
+    assert sorted(verdict.reasons) == sorted(reason for check in verdict.checks for reason in check.reasons)
+    assert {"one_step_fit", "simulation_fit", "outliers", "coverage", "whiteness"} <= {c.name for c in verdict.checks}
+
+
 def test_markov_parameters(model, data):
     h = model.markov(4)
     assert h.shape == (30, 4, 2, 2)

@@ -1291,6 +1291,32 @@ class Plan(_Found):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
+class VerdictCheck(_Result):
+    """A check of a verdict, in words.
+
+    Attributes
+    ----------
+    name : str
+        "simulation_fit", …; docs/formats.md lists the names.
+    subject : str
+        What is checked.
+    found, needed : str
+        The figure of these data, and its bound. `found` has the reason for a check that is not tested.
+    result : {"good", "look closer", "don't trust", None}
+        "good": passed. None: not tested.
+    reasons : list of str
+        Why it did not pass. Empty if it passed, or if another check has the reason.
+    """
+
+    name: str
+    subject: str
+    found: str
+    needed: str
+    result: Optional[str]
+    reasons: list[str]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Verdict(_Result):
     """The conclusion of a report: can the model be trusted?
 
@@ -1301,6 +1327,8 @@ class Verdict(_Result):
         The main figures in one sentence.
     reasons : list of str
         Reasons against the model, the most serious first.
+    checks : list of VerdictCheck
+        The checks that decide: `trust` is the worst of their results, and `reasons` are their reasons.
     horizon : int
         Prediction horizon of the fits that decide. 0: the simulation decides.
     """
@@ -1308,6 +1336,7 @@ class Verdict(_Result):
     trust: str
     summary: str
     reasons: list[str]
+    checks: list[VerdictCheck]
     horizon: int
 
 

@@ -24,6 +24,8 @@ inline constexpr double outlier = 10.0;           // error of an experiment rela
 inline constexpr double coverage = 0.9;           // least share of the model's steps that the data test
 inline constexpr double chance = 0.01;            // expected number of steps with a weak input by chance
 inline constexpr double many_missing = 0.1;       // share of all samples
+inline constexpr Index training_samples = 3;      // experiments per unknown, if these test the model
+inline constexpr Index samples = 2;               // experiments per unknown, with noise
 inline constexpr Index few_tested = 3;            // fewer tested experiments than this are few
 
 }  // namespace tokid::report::bounds

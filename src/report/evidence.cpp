@@ -133,6 +133,8 @@ double stated_error(const Model& model, const Vector& spread, Index k) {
 void assess_errors(const Model& model, const Ensemble& data, const Vector& spread, Evidence& found) {
   const double usual = finite_median(found.step_error);
   const Index freedom = found.samples - found.unknowns;
+  found.step_excess.assign(size_t(data.steps()), nan);
+  found.noise_excess = found.step_excess;
   for (Index k = model.k_begin; k < model.k_end(); ++k) {
     const double error = k < data.steps() ? found.step_error[size_t(k)] : nan;
     if (std::isnan(error)) {
@@ -141,9 +143,9 @@ void assess_errors(const Model& model, const Ensemble& data, const Vector& sprea
     }
     // With unknown initial states, errors are larger at the first steps. The covariance that the model states may
     // contain this.
-    if (error > bounds::error_floor && error > bounds::error_peak * usual &&
-        error > bounds::error_stated * stated_error(model, spread, k))
-      found.error_peaks.push_back(k);
+    found.step_excess[size_t(k)] = error / std::max({bounds::error_floor, bounds::error_peak * usual,
+                                                     bounds::error_stated * stated_error(model, spread, k)});
+    if (found.step_excess[size_t(k)] > 1) found.error_peaks.push_back(k);
     // With few degrees of freedom, the covariances are too uncertain.
     if (!model.has(&Step::has_innovation_cov) || freedom < 10) continue;
     double sum = 0.0;
@@ -154,13 +156,16 @@ void assess_errors(const Model& model, const Ensemble& data, const Vector& sprea
       for (const double e : found.prediction.innovations[size_t(k)].col(j))
         if (!std::isnan(e)) sum += e * e / variance, ++count;
     }
-    if (count > 0 && std::sqrt(sum / double(count)) > bounds::beyond_noise) found.beyond_noise.push_back(k);
+    if (count == 0) continue;
+    found.noise_excess[size_t(k)] = std::sqrt(sum / double(count));
+    if (found.noise_excess[size_t(k)] > bounds::beyond_noise) found.beyond_noise.push_back(k);
   }
 
-  const double typical = finite_median(found.experiment_error);
-  for (size_t n = 0; n < found.experiment_error.size(); ++n)
-    if (found.experiment_error[n] > std::max(bounds::error_floor, bounds::outlier * typical))
-      found.outliers.push_back(Index(n));
+  const double limit = std::fmax(bounds::error_floor, bounds::outlier * finite_median(found.experiment_error));
+  for (const double error : found.experiment_error) {
+    found.experiment_excess.push_back(error / limit);
+    if (found.experiment_excess.back() > 1) found.outliers.push_back(Index(found.experiment_excess.size()) - 1);
+  }
 }
 
 void assess_regressions(const Model& model, Evidence& found) {
@@ -168,12 +173,12 @@ void assess_regressions(const Model& model, Evidence& found) {
   found.condition_median = finite_median(condition);
   found.condition_max = nan;
   for (const double c : condition) found.condition_max = std::fmax(found.condition_max, c);
-  for (size_t s = 0; s < condition.size(); ++s) {
-    const double c = condition[s];
-    const bool stands_out =
-        found.noisy && c > bounds::worth_a_word && c > bounds::worse_than_usual * found.condition_median;
-    if (c > bounds::ill_conditioned || stands_out) found.ill.push_back(model.k_begin + Index(s));
-  }
+  found.condition_limit = bounds::ill_conditioned;
+  if (found.noisy && !std::isnan(found.condition_median))
+    found.condition_limit = std::min(found.condition_limit,
+                                     std::max(bounds::worth_a_word, bounds::worse_than_usual * found.condition_median));
+  for (size_t s = 0; s < condition.size(); ++s)
+    if (condition[s] > found.condition_limit) found.ill.push_back(model.k_begin + Index(s));
   for (size_t s = 0; model.has(&Step::has_rank) && s < model.step.size(); ++s) {
     const Index k = model.k_begin + Index(s);
     if (model.step[s].rank() < unknowns(model, k)) found.deficient.push_back(k);

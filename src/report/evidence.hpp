@@ -42,6 +42,7 @@ struct Evidence {
   Index identified_from = 0;     // number of experiments of the identification; 0: not known
   Index samples = 0;             // samples of the identification for each unknown: experiments times periods
   double condition_median = 0.0, condition_max = 0.0;
+  double condition_limit = 0.0;       // larger condition numbers are ill
   std::vector<Index> ill, deficient;  // ill-conditioned steps k; steps k with a rank below the number of unknowns
   std::vector<WeakInput> weak_inputs;
   std::vector<Index> error_peaks;       // steps whose one-step error is much larger than at the other steps
@@ -50,9 +51,12 @@ struct Evidence {
   std::vector<Index> constant_outputs;  // outputs that are constant in the data, so that their fits mean nothing
   std::vector<Index> untested;          // steps of the model without a comparison
   std::vector<double> step_error;  // (T) RMS one-step error over outputs, relative to their spread; NaN if not compared
-  std::vector<double> experiment_error;  // (N) RMS error of each experiment at the chosen horizon, relative as above
-  Findings findings;                     // findings of the options and of the validation, each once
-  Findings differences;                  // differences of sample time and names between data and model
+  std::vector<double> experiment_error;   // (N) RMS error of each experiment at the chosen horizon, relative as above
+  std::vector<double> step_excess;        // (T) step_error relative to the limit of error_peaks
+  std::vector<double> noise_excess;       // (T) one-step error relative to what the model states; NaN if not known
+  std::vector<double> experiment_excess;  // (N) experiment_error relative to the limit of outliers
+  Findings findings;                      // findings of the options and of the validation, each once
+  Findings differences;                   // differences of sample time and names between data and model
 
   // Tested experiment n, in the form of words::experiment().
   std::string experiment(Index n) const { return words::experiment(rows[size_t(n)], experiment_names[size_t(n)]); }

@@ -39,6 +39,12 @@ std::string keep_together(std::string html) {
   return html;
 }
 
+// The same between a number and % in a text that is not HTML.
+std::string unbroken(std::string text) {
+  for (size_t i = 0; (i = text.find(" %", i)) != std::string::npos;) text.replace(i, 1, "\u00a0");
+  return text;
+}
+
 std::string paragraph(std::string_view text, std::string_view css_class = "note") {
   return keep_together(element("p", text, css_class));
 }
@@ -80,7 +86,7 @@ class Report {
         options_(tested.options),
         found_(evidence(model, tested)),
         verdict_(verdict_of(model, found_, options_)),
-        plots_(plot_data(model, data_, found_, options_)) {}
+        plots_(plot_data(model, data_, found_, verdict_, options_)) {}
 
   const Verdict& verdict() const { return verdict_; }
 
@@ -90,7 +96,8 @@ class Report {
     page.kind =
         options_.data_name.empty() ? "Identification report" : "Identification report, tested on " + options_.data_name;
     page.links = {{"verdict", "Verdict"},
-                  {"setup", "Data and options"},
+                  {"checks", "Checks"},
+                  {"setup", "Setup"},
                   {"fit", "Fit"},
                   {"outputs", "Outputs"},
                   {"order", "Order"},
@@ -99,8 +106,9 @@ class Report {
                   {"matrices", "Matrices"},
                   {"whiteness", "Whiteness"},
                   {"notes", "Notes"}};
-    page.body = verdict_section() + setup_section() + fit_section() + outputs_section() + order_section() +
-                regression_section() + pole_section() + matrix_section() + whiteness_section() + notes_section();
+    page.body = verdict_section() + checks_section() + setup_section() + fit_section() + outputs_section() +
+                order_section() + regression_section() + pole_section() + matrix_section() + whiteness_section() +
+                notes_section();
     page.data = plots_.json;
     page.script = assets::report_js();
     return document(page);
@@ -204,6 +212,33 @@ class Report {
                     bounds::poor_fit)};
     return "<details class=\"note\"><summary>How the status is decided</summary>" + list(rules, "plain") +
            "</details>\n";
+  }
+
+  // The checks of the verdict as it decided them, with those that did not pass first.
+  std::string checks_section() const {
+    static constexpr const char* text[] = {"✓\u00a0passed", "!\u00a0look closer", "✗\u00a0don’t trust"};
+    std::vector<const VerdictCheck*> order;
+    for (const VerdictCheck& check : verdict_.checks) order.push_back(&check);
+    const auto rank = [](const VerdictCheck* check) { return check->result ? -int(*check->result) : 1; };
+    std::stable_sort(order.begin(), order.end(), [&](const auto* a, const auto* b) { return rank(a) < rank(b); });
+    constexpr size_t longest = 240;
+    Table table({{"Check", Align::text},
+                 {"Result", Align::text},
+                 {"Found", Align::text, longest},
+                 {"Needed", Align::text, longest}},
+                "Checks of the verdict", false);
+    Index passed = 0, tested = 0;
+    for (const VerdictCheck* check : order) {
+      tested += check->result.has_value(), passed += check->result == Trust::good;
+      table.row({check->subject, check->result ? text[static_cast<size_t>(*check->result)] : "–\u00a0not tested",
+                 unbroken(check->found), unbroken(check->needed)},
+                check->result.value_or(Trust::good) == Trust::good ? "" : "mark");
+    }
+    const Index left_out = Index(order.size()) - tested;
+    std::string summary = fmt::format("{} of {} passed", passed, plural(tested, "check"));
+    summary +=
+        left_out > 0 ? fmt::format("; these data or this model do not have the figures of {} others.", left_out) : ".";
+    return section("checks", "Checks of the verdict", paragraph(summary) + table.html());
   }
 
   std::string setup_section() const {

@@ -69,11 +69,9 @@ namespace {
 
 // A name of hundreds of characters would make a table unreadable. The cell shows its beginning; the mouse pointer on
 // the cell shows the whole name.
-constexpr size_t longest_cell = 80;
-
-std::string cell(std::string_view tag, std::string_view attributes, std::string_view text) {
+std::string cell(std::string_view tag, std::string_view attributes, std::string_view text, size_t longest) {
   size_t end = 0;
-  for (size_t characters = 0; end < text.size() && characters < longest_cell; ++characters)
+  for (size_t characters = 0; end < text.size() && characters < longest; ++characters)
     end += std::max<size_t>(1, character_length(text.substr(end)));
   const bool whole = end >= text.size();
   return fmt::format("<{0}{1}{2}>{3}{4}</{0}>", tag, attributes,
@@ -92,7 +90,8 @@ void Table::row(const std::vector<std::string>& cells, std::string_view css_clas
   rows_ += css_class.empty() ? "<tr>" : fmt::format("<tr class=\"{}\">", escape(css_class));
   for (size_t c = 0; c < cells.size(); ++c) {
     const std::string align = columns_[c].align == Align::number ? " class=\"n\"" : "";
-    rows_ += c == 0 ? cell("th", " scope=\"row\"" + align, cells[c]) : cell("td", align, cells[c]);
+    rows_ += c == 0 ? cell("th", " scope=\"row\"" + align, cells[c], columns_[c].longest)
+                    : cell("td", align, cells[c], columns_[c].longest);
   }
   rows_ += "</tr>\n";
 }
@@ -100,7 +99,8 @@ void Table::row(const std::vector<std::string>& cells, std::string_view css_clas
 std::string Table::html() const {
   std::string head;
   for (const Column& column : columns_)
-    head += cell("th", column.align == Align::number ? " scope=\"col\" class=\"n\"" : " scope=\"col\"", column.title);
+    head += cell("th", column.align == Align::number ? " scope=\"col\" class=\"n\"" : " scope=\"col\"", column.title,
+                 column.longest);
   return fmt::format(
       "<div class=\"scroll\" tabindex=\"0\" role=\"region\" aria-label=\"{}\"><table>\n{}<thead><tr>{}</tr></thead>\n"
       "<tbody>\n{}</tbody></table></div>\n",

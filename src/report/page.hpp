@@ -23,6 +23,7 @@ class Table {
   struct Column {
     std::string title;
     Align align = Align::number;
+    size_t longest = 80;  // characters of a cell; of a longer text, only the mouse pointer shows all
   };
   explicit Table(std::vector<Column> columns, std::string_view caption, bool caption_shown = true);
   void row(const std::vector<std::string>& cells, std::string_view css_class = {});

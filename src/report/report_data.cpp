@@ -162,7 +162,7 @@ class Collector {
   Collector(const Model& model, const Ensemble& data, const Evidence& found, const ReportOptions& options)
       : model_(model), data_(data), found_(found), options_(options), plots_{{}, {}, pole_frame(model), {}} {}
 
-  Plots collect() {
+  Plots collect(const Verdict& verdict) {
     json_["dt"] = rounded(data_.dt);
     json_["steps"] = data_.steps();
     json_["begin"] = model_.k_begin;
@@ -179,6 +179,7 @@ class Collector {
     entries();
     whiteness();
     findings();
+    checks(verdict);
     plots_.json = text_of(json_);
     return std::move(plots_);
   }
@@ -448,6 +449,16 @@ class Collector {
     }
   }
 
+  void checks(const Verdict& verdict) {
+    json_["checks"] = Json::array();
+    for (const VerdictCheck& check : verdict.checks)
+      json_["checks"].push_back({{"name", check.name},
+                                 {"subject", check.subject},
+                                 {"found", check.found},
+                                 {"needed", check.needed},
+                                 {"result", check.result ? Json(to_string(*check.result)) : Json()}});
+  }
+
   const Model& model_;
   const Ensemble& data_;
   const Evidence& found_;
@@ -458,8 +469,9 @@ class Collector {
 
 }  // namespace
 
-Plots plot_data(const Model& model, const Ensemble& data, const Evidence& found, const ReportOptions& options) {
-  return Collector(model, data, found, options).collect();
+Plots plot_data(const Model& model, const Ensemble& data, const Evidence& found, const Verdict& verdict,
+                const ReportOptions& options) {
+  return Collector(model, data, found, options).collect(verdict);
 }
 
 }  // namespace tokid::report

@@ -51,6 +51,7 @@ struct Plots {
   Framed frame;
   std::vector<Radius> radius;  // if finite: of the steps in the frame with as many states before as after
 };
-Plots plot_data(const Model& model, const Ensemble& data, const Evidence& found, const ReportOptions& options);
+Plots plot_data(const Model& model, const Ensemble& data, const Evidence& found, const Verdict& verdict,
+                const ReportOptions& options);
 
 }  // namespace tokid::report

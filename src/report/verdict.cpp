@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cctype>
 #include <cmath>
+#include <functional>
 
 #include "report/evidence.hpp"
 #include "report/origin.hpp"
@@ -49,8 +50,25 @@ std::string capital(std::string text) {
   return text;
 }
 
-// Collects the reasons against the model, and sorts them by their severity. The most severe reason determines the
-// status.
+// "2 of 3 outputs"
+std::string count_of(Index count, Index all, std::string_view noun) {
+  return fmt::format("{} of {}", count, plural(all, noun));
+}
+
+// "p = 0.02, correlation 0.31": the figures that the rules of a test of the innovations use.
+std::string figures_of(const Conclusion& conclusion) {
+  std::vector<std::string> texts;
+  const auto add = [&](const char* key, auto&& text) {
+    if (const auto at = conclusion.numbers.find(key); at != conclusion.numbers.end() && !std::isnan(at->second))
+      texts.push_back(text(at->second));
+  };
+  add("ratio", [](double ratio) { return fmt::format("{} times", figure(ratio, 3)); });
+  add("p", [](double p) { return probability(p); });
+  add("correlation", [](double size) { return fmt::format("correlation {}", figure(size, 3)); });
+  return fmt::format("{}", fmt::join(texts, ", "));
+}
+
+// Makes the checks in their order. The most severe check determines the status.
 class Assessment {
  public:
   Assessment(const Model& model, const Evidence& found, const ReportOptions& options)
@@ -65,24 +83,40 @@ class Assessment {
   }
 
   Verdict verdict() {
-    verdict_.trust = Trust::good;
     verdict_.horizon = found_.deciding.steps;
-    if (!fits()) return std::move(verdict_);
-    test_data();
-    regressions();
-    for (const std::string& text : in_words(found_.differences)) against(Trust::look_closer, capital(text) + ".");
-    innovations();
-    std::stable_sort(reasons_.begin(), reasons_.end(), [](const auto& a, const auto& b) { return a.first > b.first; });
-    for (auto& [trust, text] : reasons_) verdict_.reasons.push_back(std::move(text));
-    verdict_.summary = summary();
+    if (fits()) {
+      test_data();
+      regressions();
+      differences();
+      innovations();
+      verdict_.summary = summary();
+    }
+    std::vector<std::pair<Trust, std::string>> reasons;
+    verdict_.trust = Trust::good;
+    for (const Check& check : verdict_.checks) {
+      verdict_.trust = std::max(verdict_.trust, check.result.value_or(Trust::good));
+      for (const std::string& reason : check.reasons) reasons.emplace_back(*check.result, reason);
+    }
+    std::stable_sort(reasons.begin(), reasons.end(), [](const auto& a, const auto& b) { return a.first > b.first; });
+    for (auto& [trust, text] : reasons) verdict_.reasons.push_back(std::move(text));
     return std::move(verdict_);
   }
 
  private:
-  void against(Trust trust, std::string reason) {
-    verdict_.trust = std::max(verdict_.trust, trust);
-    reasons_.emplace_back(trust, std::move(reason));
+  using Check = VerdictCheck;
+
+  // A check that has passed until something speaks against the model.
+  static Check check(std::string name, std::string subject, std::string found, std::string needed) {
+    return {std::move(name), std::move(subject), std::move(found), std::move(needed), Trust::good, {}};
   }
+  static Check untested(std::string name, std::string subject, std::string why, std::string needed) {
+    return {std::move(name), std::move(subject), std::move(why), std::move(needed), std::nullopt, {}};
+  }
+  static void against(Check& check, Trust trust, std::string reason) {
+    check.result = std::max(check.result.value_or(trust), trust);
+    check.reasons.push_back(std::move(reason));
+  }
+  void add(Check check) { verdict_.checks.push_back(std::move(check)); }
 
   std::string tested() const {
     const Index n = found_.experiments;
@@ -154,18 +188,22 @@ class Assessment {
     return found_.names.output(worst);
   }
 
-  void assess_simulation() {
+  // The bound of the fits that decide.
+  static std::string good_fit() { return fmt::format("{:.0f} % or more for every output", bounds::good_fit); }
+
+  Check simulation_check() const {
     const Validation& v = found_.validation;
     const double simulation = least(simulation_), ahead = least(of_moving(v.horizon.fit));
+    Check result = check("simulation_fit", "Simulation fit, which decides", percent_range(simulation_), good_fit());
     if (v.simulation.samples == 0) {
-      against(Trust::look_closer, "Nothing was simulated: the initial states could not be estimated.");
-      return;
+      against(result, Trust::look_closer, "Nothing was simulated: the initial states could not be estimated.");
+      return result;
     }
     if (!v.simulation.rmse.allFinite()) {
-      against(Trust::distrust, "The simulation overflows: the model is unstable over its steps.");
-      return;
+      against(result, Trust::distrust, "The simulation overflows: the model is unstable over its steps.");
+      return result;
     }
-    if (simulation >= bounds::good_fit || std::isinf(simulation)) return;
+    if (simulation >= bounds::good_fit || std::isinf(simulation)) return result;
     const std::string output = name_of_worst(simulation_);
     const double exact = least(of_moving(found_.deciding.expected_simulation));
     const std::string promise =
@@ -173,132 +211,239 @@ class Assessment {
             ? fmt::format("; with the noise that the model states, an exact model would reach {}", percent(exact))
             : "";
     if (noise_explains(simulation_, found_.deciding.expected_simulation))
-      against(Trust::look_closer,
+      against(result, Trust::look_closer,
               fmt::format("The simulation fits output {} to {}, and the noise that the model states allows no more.",
                           output, percent(simulation)));
     else if (simulation < bounds::poor_fit && simulation >= 0 && ahead >= bounds::good_fit && !inputs_unknown())
-      against(Trust::look_closer,
+      against(result, Trust::look_closer,
               fmt::format(
                   "The simulation fits output {} to {} only{}. Predictions {} ahead fit {}: use the model only with "
                   "its observer, and only for predictions over as many steps.",
                   output, percent(simulation), promise, plural(found_.horizon, "step"),
                   percent_range(of_moving(v.horizon.fit))));
     else if (simulation < 0)
-      against(Trust::distrust,
+      against(result, Trust::distrust,
               fmt::format("The simulation of output {} is worse than the mean of the output (fit {}){}.", output,
                           percent(simulation), promise));
     else if (simulation < bounds::poor_fit)
-      against(Trust::distrust,
+      against(result, Trust::distrust,
               fmt::format("The simulation fits output {} to {} only{}.", output, percent(simulation), promise));
     else
-      against(Trust::look_closer, fmt::format("The simulation fits output {} to {}; {:.0f} % or more would be good{}.",
-                                              output, percent(simulation), bounds::good_fit, promise));
+      against(result, Trust::look_closer,
+              fmt::format("The simulation fits output {} to {}; {:.0f} % or more would be good{}.", output,
+                          percent(simulation), bounds::good_fit, promise));
+    return result;
   }
 
-  void assess_predictions() {
+  Check prediction_check() const {
     const DecidingHorizon& h = found_.deciding;
     const double fit = least(deciding_);
-    const std::string found = fmt::format("Predictions {} ahead fit output {} to {}", plural(h.steps, "step"),
-                                          name_of_worst(deciding_), percent(fit));
+    const std::string ahead = plural(h.steps, "step") + " ahead";
+    Check result = check("prediction_fit", fmt::format("Prediction fit {}, which decides", ahead),
+                         percent_range(deciding_), good_fit());
+    const std::string found =
+        fmt::format("Predictions {} fit output {} to {}", ahead, name_of_worst(deciding_), percent(fit));
     const std::string exact = fmt::format("those of an exact model would fit {}", percent_range(of_moving(h.expected)));
     if (!h.fit.rmse.allFinite())
-      against(Trust::distrust, fmt::format("The predictions {} ahead overflow.", plural(h.steps, "step")));
+      against(result, Trust::distrust, fmt::format("The predictions {} overflow.", ahead));
     else if (fit < bounds::good_fit && noise_explains(deciding_, h.expected))
-      against(Trust::look_closer, fmt::format("{}, and the noise that the model states allows no more.", found));
+      against(result, Trust::look_closer,
+              fmt::format("{}, and the noise that the model states allows no more.", found));
     else if (fit < bounds::poor_fit)
-      against(Trust::distrust, fmt::format("{} only; {}.", found, exact));
+      against(result, Trust::distrust, fmt::format("{} only; {}.", found, exact));
     else if (fit < bounds::good_fit)
-      against(Trust::look_closer, fmt::format("{}; {}.", found, exact));
+      against(result, Trust::look_closer, fmt::format("{}; {}.", found, exact));
+    return result;
+  }
+
+  Check input_effect_check() const {
+    const DecidingHorizon& h = found_.deciding;
+    Check result = check("input_effect", "Effect of the inputs within the deciding predictions, over their errors",
+                         figure(h.inputs, 3), fmt::format("{:.1f} or more", bounds::inputs_show));
     if (h.inputs < bounds::inputs_show)
-      against(Trust::look_closer,
+      against(result, Trust::look_closer,
               fmt::format(
                   "The effect of the inputs within {} is less than {:.1f} times the errors of the predictions: these "
                   "data hardly test the effect of the inputs.",
                   plural(h.steps, "step"), bounds::inputs_show));
+    return result;
+  }
+
+  // Ends the assessment if nothing could be compared.
+  void nothing_tested(Check check, std::string summary, std::string reason) {
+    against(check, Trust::distrust, std::move(reason));
+    add(std::move(check));
+    verdict_.summary = std::move(summary);
   }
 
   // Assesses the fits. False: nothing could be compared, so that the other checks are left out.
   bool fits() {
     const Validation& v = found_.validation;
+    const Index moving = model_.outputs - Index(found_.constant_outputs.size());
+    Check outputs = check("outputs", "Outputs that move and have samples to compare",
+                          count_of(moving, model_.outputs, "output"), "all");
     if (v.simulation.samples == 0 && v.one_step.samples == 0) {
-      verdict_.trust = Trust::distrust;
-      verdict_.summary = fmt::format("Nothing was tested: no output of {} could be compared with the model.", tested());
-      verdict_.reasons = {"No output sample has both a measured and a computed value."};
+      outputs.found = "no samples";
+      nothing_tested(std::move(outputs),
+                     fmt::format("Nothing was tested: no output of {} could be compared with the model.", tested()),
+                     "No output sample has both a measured and a computed value.");
       return false;
     }
-    if (Index(found_.constant_outputs.size()) == model_.outputs) {
-      verdict_.trust = Trust::distrust;
-      verdict_.summary = fmt::format("Nothing was tested: no output moves in {}.", tested());
-      verdict_.reasons = {"Constant outputs say nothing about the model, however well it reproduces them."};
+    if (moving == 0) {
+      nothing_tested(std::move(outputs), fmt::format("Nothing was tested: no output moves in {}.", tested()),
+                     "Constant outputs say nothing about the model, however well it reproduces them.");
       return false;
     }
     for (const Index j : found_.constant_outputs)
       against(
-          Trust::look_closer,
+          outputs, Trust::look_closer,
           fmt::format(
               "Output {} is constant in these data, and its fit says nothing: RMS error {} in the one-step "
               "predictions{}.",
               found_.names.output(j), figure(v.one_step.rmse(j), 3),
               v.simulation.samples > 0 ? fmt::format(", {} in the simulation", figure(v.simulation.rmse(j), 3)) : ""));
+    add(std::move(outputs));
+    add(one_step_check());
+    if (found_.deciding.steps > 0) {
+      add(prediction_check());
+      add(input_effect_check());
+    } else {
+      add(simulation_check());
+    }
+    add(error_peak_check());
+    add(beyond_noise_check());
+    add(outlier_check());
+    add(coverage_check());
+    return true;
+  }
+
+  Check one_step_check() const {
+    const Validation& v = found_.validation;
+    const std::string needed = fmt::format("{:.0f} % or more for every output", bounds::poor_fit);
+    if (v.one_step.samples == 0) return untested("one_step_fit", "One-step prediction fit", "no predictions", needed);
+    Check result = check("one_step_fit", "One-step prediction fit", percent_range(one_step_), needed);
     const double one_step = least(one_step_);
-    if (v.one_step.samples > 0 && !v.one_step.rmse.allFinite())
-      against(Trust::distrust, "The predictions overflow: the observer does not follow these data.");
-    else if (v.one_step.samples > 0 && one_step < bounds::poor_fit) {
+    if (!v.one_step.rmse.allFinite())
+      against(result, Trust::distrust, "The predictions overflow: the observer does not follow these data.");
+    else if (one_step < bounds::poor_fit) {
       const bool noise = noise_explains(one_step_, found_.deciding.expected_one_step);
-      against(noise ? Trust::look_closer : Trust::distrust,
+      against(result, noise ? Trust::look_closer : Trust::distrust,
               fmt::format("One-step predictions fit output {} to {} only{}.", name_of_worst(one_step_),
                           percent(one_step), noise ? ", and the noise that the model states allows no more" : ""));
     }
-    if (found_.deciding.steps > 0)
-      assess_predictions();
-    else
-      assess_simulation();
+    return result;
+  }
+
+  // "0.43 at step 12", the largest of the values
+  static std::string largest(const std::vector<double>& values, const std::function<std::string(Index)>& name) {
+    Index most = -1;
+    for (size_t i = 0; i < values.size(); ++i)
+      if (!std::isnan(values[i]) && (most < 0 || values[i] > values[size_t(most)])) most = Index(i);
+    return most < 0 ? "no errors" : fmt::format("{} at {}", figure(values[size_t(most)], 3), name(most));
+  }
+  static std::string step_name(Index k) { return fmt::format("step {}", k); }
+
+  Check error_peak_check() const {
+    Check result = check(
+        "error_peaks", "Largest one-step error of a step, relative to its limit",
+        largest(found_.step_excess, step_name),
+        fmt::format("1 or less; the limit is the largest of {:.0f} times the median, {:.0f} % of the spread of the "
+                    "outputs and {:.0f} times what the model states",
+                    bounds::error_peak, 100 * bounds::error_floor, bounds::error_stated));
     if (!found_.error_peaks.empty())
-      against(Trust::look_closer, fmt::format("One-step errors at {} are more than {:.0f} times the median.",
-                                              step_list(found_.error_peaks), bounds::error_peak));
+      against(result, Trust::look_closer,
+              fmt::format("One-step errors at {} are more than {:.0f} times the median.", step_list(found_.error_peaks),
+                          bounds::error_peak));
+    return result;
+  }
+
+  Check beyond_noise_check() const {
+    const char* subject = "Largest one-step error of a step, relative to that of the identification";
+    const std::string needed = fmt::format("{:.0f} or less", bounds::beyond_noise);
+    if (std::all_of(found_.noise_excess.begin(), found_.noise_excess.end(), [](double e) { return std::isnan(e); }))
+      return untested("beyond_noise", subject, "not known", needed);
+    Check result = check("beyond_noise", subject, largest(found_.noise_excess, step_name), needed);
     if (!found_.beyond_noise.empty())
-      against(Trust::look_closer,
+      against(result, Trust::look_closer,
               fmt::format(
                   "One-step errors at {} are more than {:.0f} times the errors of the identification at these steps.",
                   step_list(found_.beyond_noise), bounds::beyond_noise));
+    return result;
+  }
+
+  Check outlier_check() const {
+    Check result = check(
+        "outliers", "Largest error of an experiment, relative to its limit",
+        largest(found_.experiment_excess, [&](Index n) { return fmt::format("experiment {}", found_.experiment(n)); }),
+        fmt::format("1 or less; the limit is the larger of {:.0f} times the median and {:.0f} % of the spread of the "
+                    "outputs",
+                    bounds::outlier, 100 * bounds::error_floor));
     if (!found_.outliers.empty())
-      against(Trust::look_closer,
+      against(result, Trust::look_closer,
               fmt::format(
                   "Errors of {} are more than {:.0f} times the median of all experiments: look for other conditions, a "
                   "failed sensor, or a model that is not valid there.",
                   experiment_list(found_, found_.outliers), bounds::outlier));
+    return result;
+  }
+
+  Check coverage_check() const {
+    const Index tested = model_.steps() - Index(found_.untested.size());
+    Check result = check("coverage", "Steps of the model that the data test", count_of(tested, model_.steps(), "step"),
+                         fmt::format("{:.0f} % or more", 100 * bounds::coverage));
     const double share = 1 - double(found_.untested.size()) / double(std::max<Index>(1, model_.steps()));
     if (share < bounds::coverage)
-      against(Trust::look_closer, fmt::format("The data test only {} of the model's {}; they do not test {}.",
-                                              model_.steps() - Index(found_.untested.size()),
-                                              plural(model_.steps(), "step"), step_list(found_.untested)));
-    return true;
+      against(result, Trust::look_closer,
+              fmt::format("The data test only {} of the model's {}; they do not test {}.", tested,
+                          plural(model_.steps(), "step"), step_list(found_.untested)));
+    return result;
   }
 
   void test_data() {
-    const Index from = found_.samples, unknowns = found_.unknowns;
-    if (options_.evaluation == Evaluation::training) {
-      if (from > 0 && from < 3 * unknowns)
-        against(Trust::look_closer,
-                fmt::format("Tested only on training data, {} for {} unknowns per output and step: such a fit proves "
-                            "little. Hold experiments back, or measure new ones.",
-                            plural(found_.identified_from, "experiment"), unknowns));
-      else if (from == 0)
-        against(Trust::look_closer,
-                "Tested only on training data, and the number of training experiments is not known: test on new "
-                "experiments.");
-    } else {
-      if (found_.noisy && from > 0 && from < 2 * unknowns)
-        against(Trust::look_closer,
-                fmt::format("Identified from {} for {} unknowns per output and step: noise is hardly averaged out of "
-                            "the model. Use {} or more.",
-                            plural(found_.identified_from, "experiment"), unknowns, 3 * unknowns));
-    }
+    add(training_check());
+    Check missing = check("missing", "Missing samples",
+                          found_.missing == 0 ? "none" : fmt::format("{} %", figure(100 * found_.missing_share, 2)),
+                          fmt::format("{:.0f} % or less", 100 * bounds::many_missing));
     if (found_.missing_share > bounds::many_missing)
-      against(Trust::look_closer, fmt::format("{:.0f} % of the samples are missing.", 100 * found_.missing_share));
+      against(missing, Trust::look_closer,
+              fmt::format("{:.0f} % of the samples are missing.", 100 * found_.missing_share));
+    add(std::move(missing));
+    Check experiments = check("experiments", "Experiments tested", fmt::format("{}", found_.experiments),
+                              fmt::format("{} or more", bounds::few_tested));
     if (found_.experiments < bounds::few_tested)
-      against(Trust::look_closer,
+      against(experiments, Trust::look_closer,
               fmt::format("Only {} tested.", found_.experiments == 1 ? "one experiment was" : "two experiments were"));
+    add(std::move(experiments));
+  }
+
+  // The fit on training data proves little if they were few. Noise is hardly averaged out of a model from few data.
+  Check training_check() const {
+    const Index from = found_.samples, unknowns = found_.unknowns;
+    const bool training = options_.evaluation == Evaluation::training;
+    const char* subject = "Experiments of the identification for each unknown";
+    const std::string needed =
+        fmt::format("{} or more{}", training ? bounds::training_samples : bounds::samples,
+                    training ? ", because the model is tested on the data that it was identified from" : "");
+    if (from == 0 && !training) return untested("samples", subject, "not known", needed);
+    if (from > 0 && unknowns == 0) return untested("samples", subject, "the model has no lag order", needed);
+    if (!training && !found_.noisy) return untested("samples", subject, "data without noise", needed);
+    Check result =
+        check("samples", subject, from == 0 ? "not known" : figure(double(from) / double(unknowns), 3), needed);
+    if (from == 0)
+      against(result, Trust::look_closer,
+              "Tested only on training data, and the number of training experiments is not known: test on new "
+              "experiments.");
+    else if (training && from < bounds::training_samples * unknowns)
+      against(result, Trust::look_closer,
+              fmt::format("Tested only on training data, {} for {} unknowns per output and step: such a fit proves "
+                          "little. Hold experiments back, or measure new ones.",
+                          plural(found_.identified_from, "experiment"), unknowns));
+    else if (!training && from < bounds::samples * unknowns)
+      against(result, Trust::look_closer,
+              fmt::format("Identified from {} for {} unknowns per output and step: noise is hardly averaged out of "
+                          "the model. Use {} or more.",
+                          plural(found_.identified_from, "experiment"), unknowns, bounds::training_samples * unknowns));
+    return result;
   }
 
   // Does the window of step k contain a step at which this input is nearly the same in all experiments?
@@ -330,11 +475,22 @@ class Assessment {
         }
       (any ? explained : unexplained).push_back(k);
     }
+    add(condition_check(explained, unexplained, causes));
+    add(weak_input_check(causes));
+    add(rank_check());
+  }
+
+  Check condition_check(const std::vector<Index>& explained, const std::vector<Index>& unexplained,
+                        const std::vector<const WeakInput*>& causes) {
+    const char* subject = "Largest condition number of a regression";
+    const std::string needed = fmt::format("{} or less", figure(found_.condition_limit, 3));
+    if (std::isnan(found_.condition_max)) return untested("condition", subject, "the model has none", needed);
+    Check result = check("condition", subject, figure(found_.condition_max, 3), needed);
     const auto ill = [](const std::vector<Index>& steps) {
       return fmt::format("{} {} ill-conditioned", capital(step_list(steps)), steps.size() == 1 ? "is" : "are");
     };
     const auto against_steps = [&](const std::vector<Index>& steps, const std::string& why) {
-      against(Trust::look_closer,
+      against(result, Trust::look_closer,
               fmt::format("Condition numbers reach {} at {}, against a median of {}: {}. Expect few correct digits of "
                           "the matrices there.",
                           figure(found_.condition_max, 2), step_list(steps), figure(found_.condition_median, 2), why));
@@ -352,10 +508,19 @@ class Assessment {
       remark_ = fmt::format("{}{}{}.", remark_, remark_.empty() ? "" : " ", ill(unexplained));
       against_steps(
           unexplained,
-          found_.samples > 0 && found_.samples < 2 * found_.unknowns
+          found_.samples > 0 && found_.samples < bounds::samples * found_.unknowns
               ? fmt::format("{} are few for {} unknowns", plural(found_.identified_from, "experiment"), found_.unknowns)
               : "some inputs or outputs of neighbouring steps are almost dependent over the experiments");
     }
+    return result;
+  }
+
+  // The reasons of condition_check() name an input that explains an ill-conditioned step.
+  Check weak_input_check(const std::vector<const WeakInput*>& causes) {
+    const Index weak_inputs = Index(found_.weak_inputs.size());
+    Check result = check("inputs", "Inputs that vary between the experiments at every step",
+                         count_of(model_.inputs - weak_inputs, model_.inputs, "input"), "all");
+    if (!causes.empty()) result.result = Trust::look_closer;
     for (const WeakInput& weak : found_.weak_inputs) {
       if (std::find(causes.begin(), causes.end(), &weak) != causes.end()) continue;
       const std::string text = capital(constancy(weak));
@@ -363,27 +528,64 @@ class Assessment {
       const char* effect = options_.evaluation == Evaluation::training ? "its effect there can hardly be identified"
                                                                        : "its effect there is hardly tested";
       if (weak.always)
-        against(inputs_unknown() && !(least(deciding_) >= bounds::good_fit) ? Trust::distrust : Trust::look_closer,
+        against(result,
+                inputs_unknown() && !(least(deciding_) >= bounds::good_fit) ? Trust::distrust : Trust::look_closer,
                 fmt::format("{}: its effect is not known.", text));
       else
-        against(Trust::look_closer, fmt::format("{} ({}): {}.", text, spread(weak), effect));
+        against(result, Trust::look_closer, fmt::format("{} ({}): {}.", text, spread(weak), effect));
     }
-    if (found_.noisy && !found_.deficient.empty() && Index(found_.deficient.size()) > found_.lags)
-      against(Trust::look_closer, fmt::format("The regressions of {} lack full rank: some effects can't be "
-                                              "separated, and the solution of smallest norm is used.",
-                                              step_list(found_.deficient)));
+    return result;
+  }
+
+  Check rank_check() const {
+    const char* subject = "Regressions without full rank";
+    const std::string needed = fmt::format("{} or fewer, the lag order", found_.lags);
+    if (!model_.has(&Step::has_rank)) return untested("rank", subject, "the model has no ranks", needed);
+    const std::string steps = plural(Index(found_.deficient.size()), "step");
+    if (!found_.noisy) return untested("rank", subject, steps + ", which is usual without noise", needed);
+    Check result = check("rank", subject, steps, needed);
+    if (!found_.deficient.empty() && Index(found_.deficient.size()) > found_.lags)
+      against(result, Trust::look_closer,
+              fmt::format("The regressions of {} lack full rank: some effects can't be separated, and the solution of "
+                          "smallest norm is used.",
+                          step_list(found_.deficient)));
+    return result;
+  }
+
+  void differences() {
+    Check result = check(
+        "channels", "Sample time and names of the channels",
+        found_.differences.empty() ? "those of the model" : plural(Index(found_.differences.size()), "difference"),
+        "those of the model");
+    for (const std::string& text : in_words(found_.differences))
+      against(result, Trust::look_closer, capital(text) + ".");
+    add(std::move(result));
   }
 
   void innovations() {
     const Conclusions& c = found_.conclusions;
-    const auto add = [&](const char* test, const Conclusion& conclusion) {
+    const auto test = [&](const char* subject, const Conclusion& conclusion, std::string needed) {
+      const char* name = to_string(conclusion.test);
+      if (conclusion.result == TestResult::untested) {
+        add(untested(name, subject, in_words(conclusion), std::move(needed)));
+        return;
+      }
+      const std::string figures = figures_of(conclusion);
+      Check result = check(name, subject, figures.empty() ? in_words(conclusion) : figures, std::move(needed));
       if (conclusion.result == TestResult::against)
-        against(Trust::look_closer, fmt::format("{}: {}.", test, in_words(conclusion)));
+        against(result, Trust::look_closer, fmt::format("{}: {}.", subject, in_words(conclusion)));
+      add(std::move(result));
     };
-    add("Whiteness of the innovations", c.whiteness);
-    add("Inputs and innovations", c.independence);
-    add("Effects of the inputs", c.gains);
-    add("Squared innovations", c.nis);
+    const std::string chance =
+        fmt::format("p of {} or more, or a correlation below {:.1f}", unlikely, counts::correlation);
+    test("Whiteness of the innovations", c.whiteness, chance);
+    test("Inputs and innovations", c.independence, chance);
+    test("Effects of the inputs", c.gains,
+         fmt::format("errors within chance, or a change of the simulation below {:.0f} %; known to {:.0f} %",
+                     100 * counts::gain, 100 * counts::gain_unknown));
+    test(
+        "Squared innovations", c.nis,
+        fmt::format("p of {} or more, or {:.0f} times the stated covariance or less", unlikely, counts::overconfident));
   }
 
   const Model& model_;
@@ -391,7 +593,6 @@ class Assessment {
   const ReportOptions& options_;
   Vector simulation_, one_step_, deciding_;  // fits of the outputs; NaN for constant outputs
   Verdict verdict_;
-  std::vector<std::pair<Trust, std::string>> reasons_;
   std::string remark_;  // a sentence on single steps for the summary
 };
 

@@ -11,6 +11,7 @@ from drawn import READABLE, coloured, of_colour, picture, positions, rgb, undraw
 from playwright.sync_api import expect
 
 TIME_PLOTS = {"outputs", "errors", "inputs", "order", "condition", "rank", "step", "radius", "gain", "a"}
+OTHER_PLOTS = {"poles", "whiteness"}
 NASTY = ["</script><script>alert(1)</script>", "<img src=x onerror=alert(2)>", "\"quoted\" 'name' & co \\u003c 🛩",
          "a name of very great length " * 12]
 
@@ -78,7 +79,7 @@ def test_every_plot_is_drawn(visit, typical, screenshots, width, scheme):
     with visit(typical, width, color_scheme=scheme) as page:
         assert page.evaluate("document.documentElement.dataset.theme") == scheme
         assert not clipped(page)
-        assert len(colours(page)) == len(TIME_PLOTS) + 2  # and the complex plane, and the whiteness
+        assert set(colours(page)) == {f"plot-{name}" for name in TIME_PLOTS | OTHER_PLOTS}
         assert set(ranges(page)) == TIME_PLOTS
         page.screenshot(path=screenshots / f"report-{width}-{scheme}.png", full_page=True)
     # Twice as many pixels, so that thin lines have some of their own colour, not only of their edges.
@@ -231,6 +232,15 @@ def drag(page, plot, start, end):
     page.mouse.move(*at((start + end) / 2))
     page.mouse.move(*at(end))
     page.mouse.up()
+
+
+def test_checks_are_listed_with_their_figures(visit, typical):
+    with visit(typical) as page:
+        rows = page.locator("#checks tbody tr")
+        assert rows.count() == len(report_data(page)["checks"]) > 15
+        assert page.locator("#checks p").first.inner_text().startswith(
+            f"{sum(c['result'] == 'good' for c in report_data(page)['checks'])} of ")
+        assert all(rows.nth(i).locator("td").nth(0).inner_text()[0] in "✓!✗–" for i in range(rows.count()))
 
 
 def test_zoom_is_shared_and_can_be_undone(visit, typical):
@@ -471,7 +481,7 @@ def test_on_paper(visit, typical, screenshots):
         assert page.locator("#fit table").is_visible() and page.locator("#regressions tbody tr").last.is_visible()
         assert "held-out experiments" in page.locator(".summary").inner_text()
         widths = page.evaluate("[...document.querySelectorAll('.plot canvas')].map(c => c.getBoundingClientRect().width)")
-        assert len(widths) == len(TIME_PLOTS) + 2 and max(widths) <= 660
+        assert len(widths) == len(TIME_PLOTS | OTHER_PLOTS) and max(widths) <= 660
         assert not clipped(page)
         assert undrawn(page) == []
         page.screenshot(path=screenshots / "report-print.png", full_page=True)

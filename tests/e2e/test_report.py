@@ -223,6 +223,45 @@ def test_table_of_steps_says_how_it_was_chosen(tokid, oscillator, tmp_path, know
     assert not {3, 30} & set(steps) or "condition" not in known
 
 
+def table_of(page, caption):
+    """The rows of a table, as lists of texts."""
+    found = re.search(f"<caption[^>]*>{caption}</caption>(.*?)</table>", page.read_text(encoding="utf-8"), re.S).group(1)
+    rows = re.findall(r"<tr[^>]*>(.*?)</tr>", found, re.S)[1:]
+    return [[html.unescape(cell) for cell in re.findall(r"<t[hd][^>]*>(.*?)</t[hd]>", row)] for row in rows]
+
+
+def test_checks_decide_the_verdict(tokid, oscillator, tmp_path):
+    """Good data, and data with a constant output, few experiments and another sample time: the table and the JSON have
+    the checks, and the worst of them is the status."""
+    with np.load(oscillator / "fresh.npz") as file:
+        arrays = {key: file[key] for key in file.files}
+    arrays["y"] = arrays["y"].copy()
+    arrays["y"][..., 1] = 7.0
+    arrays["dt"] = 0.2
+    arrays["u"], arrays["y"] = arrays["u"][:2], arrays["y"][:2]
+    np.savez(tmp_path / "bad.npz", **arrays)
+    for data, status, failed in ((oscillator / "fresh.npz", "good", set()),
+                                 (tmp_path / "bad.npz", "look closer", {"outputs", "experiments", "channels"})):
+        page = tmp_path / "page.html"
+        printed = tokid("report", oscillator / "model.npz", data, "-o", page).stdout
+        checks = data_of(page)["checks"]
+        assert {check["name"] for check in checks if check["result"] not in ("good", None)} >= failed
+        severity = ["good", "look closer", "don't trust"]
+        worst = max((check["result"] for check in checks if check["result"]), key=severity.index)
+        assert re.search(r"^Verdict +(.*)$", printed, re.M).group(1) == worst
+        assert worst == status or failed
+        words = {"good": "✓\xa0passed", "look closer": "!\xa0look closer", "don't trust": "✗\xa0don’t trust",
+                 None: "–\xa0not tested"}
+        shown = table_of(page, "Checks of the verdict")
+        assert sorted(row[:2] for row in shown) == sorted([c["subject"], words[c["result"]]] for c in checks)
+        ranks = [["✗", "!", "✓", "–"].index(row[1][0]) for row in shown]
+        assert ranks == sorted(ranks)
+        # The figures are those of the data.
+        found = {check["name"]: check["found"] for check in checks}
+        assert found["experiments"] == str(len(np.load(data)["u"]))
+        assert found["missing"] == "none"
+
+
 @pytest.mark.parametrize("output, complaint", [
     ("page.pdf", "extension '.pdf' found, one of .html, .htm needed to write a page"),
     ("missing/page.html", "does not exist"),
