@@ -421,8 +421,10 @@ TEST(Verdict, NamesHeldOutExperimentsByTheirRowsInTheData) {
     for (const Verdict& v : {page.verdict, verdict(found.model, data)})
       EXPECT_TRUE(contains(all_reasons(v), fmt::format("Errors of experiment {} are more", expected)))
           << all_reasons(v);
-    EXPECT_TRUE(contains(page.html, named ? fmt::format("Experiment &quot;4&quot; (row {}) (largest", bad)
-                                          : fmt::format("Experiment {} (largest", bad)));
+    EXPECT_TRUE(contains(page.html, named ? fmt::format("Experiment &quot;4&quot; (row {})", bad)
+                                          : fmt::format("Experiment {}</th>", bad)));
+    EXPECT_TRUE(contains(page.html, named ? fmt::format("(row {}) (largest error)", bad)
+                                          : fmt::format("Experiment {} (largest error)", bad)));
     EXPECT_TRUE(contains(page.html, fmt::format("\"row\":{},\"name\":{}", bad, named ? "\"4\"" : "null")));
   }
 }

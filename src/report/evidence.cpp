@@ -161,9 +161,9 @@ void assess_errors(const Model& model, const Ensemble& data, const Vector& sprea
     if (found.noise_excess[size_t(k)] > bounds::beyond_noise) found.beyond_noise.push_back(k);
   }
 
-  const double limit = std::fmax(bounds::error_floor, bounds::outlier * finite_median(found.experiment_error));
+  found.experiment_limit = std::fmax(bounds::error_floor, bounds::outlier * finite_median(found.experiment_error));
   for (const double error : found.experiment_error) {
-    found.experiment_excess.push_back(error / limit);
+    found.experiment_excess.push_back(error / found.experiment_limit);
     if (found.experiment_excess.back() > 1) found.outliers.push_back(Index(found.experiment_excess.size()) - 1);
   }
 }
@@ -252,10 +252,14 @@ Evidence evidence(const Model& model, const Tested& tested) {
   found.validation = std::move(compared.validation);
   found.prediction = std::move(compared.prediction);
   found.simulated = std::move(compared.simulated);
-  found.step_error = relative_errors(data, found.prediction.y, spread).step;
-  found.experiment_error = relative_errors(data, found.deciding.computed, spread).experiment;
-  if (!std::isfinite(finite_median(found.experiment_error)))
-    found.experiment_error = relative_errors(data, found.prediction.y, spread).experiment;
+  Errors one_step = relative_errors(data, found.prediction.y, spread);
+  found.step_error = std::move(one_step.step);
+  found.experiment_one_step = std::move(one_step.experiment);
+  found.experiment_simulation = relative_errors(data, found.simulated, spread).experiment;
+  found.experiment_error = found.deciding.steps == 0
+                               ? found.experiment_simulation
+                               : relative_errors(data, found.deciding.computed, spread).experiment;
+  if (!std::isfinite(finite_median(found.experiment_error))) found.experiment_error = found.experiment_one_step;
   assess_errors(model, data, spread, found);
   return found;
 }

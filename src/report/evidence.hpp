@@ -51,7 +51,9 @@ struct Evidence {
   std::vector<Index> constant_outputs;  // outputs that are constant in the data, so that their fits mean nothing
   std::vector<Index> untested;          // steps of the model without a comparison
   std::vector<double> step_error;  // (T) RMS one-step error over outputs, relative to their spread; NaN if not compared
-  std::vector<double> experiment_error;   // (N) RMS error of each experiment at the chosen horizon, relative as above
+  std::vector<double> experiment_error;  // (N) RMS error of each experiment at the chosen horizon, relative as above
+  std::vector<double> experiment_simulation, experiment_one_step;  // (N) those of simulation and one-step prediction
+  double experiment_limit = 0.0;                                   // experiment_error of outliers is larger
   std::vector<double> step_excess;        // (T) step_error relative to the limit of error_peaks
   std::vector<double> noise_excess;       // (T) one-step error relative to what the model states; NaN if not known
   std::vector<double> experiment_excess;  // (N) experiment_error relative to the limit of outliers

@@ -95,20 +95,13 @@ class Report {
     page.title = options_.model_name.empty() ? "Identified model" : options_.model_name;
     page.kind =
         options_.data_name.empty() ? "Identification report" : "Identification report, tested on " + options_.data_name;
-    page.links = {{"verdict", "Verdict"},
-                  {"checks", "Checks"},
-                  {"setup", "Setup"},
-                  {"fit", "Fit"},
-                  {"outputs", "Outputs"},
-                  {"order", "Order"},
-                  {"regressions", "Regressions"},
-                  {"poles", "Eigenvalues"},
-                  {"matrices", "Matrices"},
-                  {"whiteness", "Whiteness"},
-                  {"notes", "Notes"}};
-    page.body = verdict_section() + checks_section() + setup_section() + fit_section() + outputs_section() +
-                order_section() + regression_section() + pole_section() + matrix_section() + whiteness_section() +
-                notes_section();
+    page.links = {{"verdict", "Verdict"},   {"checks", "Checks"},           {"setup", "Setup"},
+                  {"fit", "Fit"},           {"experiments", "Experiments"}, {"outputs", "Outputs"},
+                  {"order", "Order"},       {"regressions", "Regressions"}, {"poles", "Eigenvalues"},
+                  {"matrices", "Matrices"}, {"whiteness", "Whiteness"},     {"notes", "Notes"}};
+    page.body = verdict_section() + checks_section() + setup_section() + fit_section() + experiments_section() +
+                outputs_section() + order_section() + regression_section() + pole_section() + matrix_section() +
+                whiteness_section() + notes_section();
     page.data = plots_.json;
     page.script = assets::report_js();
     return document(page);
@@ -374,16 +367,47 @@ class Report {
         plot_place("outputs", "Measured, simulated and predicted output over the steps") +
         plot_place("errors", "Errors of simulation and prediction over the steps", "Errors") +
         plot_place("inputs", "Input over the steps", "Input");
-    return section("outputs", "Outputs and inputs", body + experiment_table());
+    return section("outputs", "Outputs and inputs", body);
   }
 
-  std::string experiment_table() const {
-    const Shown shown = shown_experiments(found_, std::min<Index>(options_.experiments, 12));
-    Table table({{"Experiment", Align::text}, {"Relative error"}},
-                "RMS simulation error relative to the spread of the outputs");
-    for (size_t i = 0; i < shown.rows.size(); ++i)
-      table.row({shown.labels[i], figure(found_.experiment_error[size_t(shown.rows[i])])});
-    return fmt::format("<details><summary>Errors of experiments as a table</summary>\n{}</details>\n", table.html());
+  // All experiments, the worst first. The table has the worst ones, and those that a test marks.
+  std::string experiments_section() const {
+    constexpr size_t most_worst = 12, most_rows = 40;
+    const std::vector<Index> outlying = outlying_samples(found_);
+    std::vector<Table::Column> columns{{"Experiment", Align::text}, {"Simulation"}, {"One step"}};
+    const bool ahead = found_.deciding.steps > 0;
+    if (ahead) columns.push_back({fmt::format("{} ahead", plural(found_.deciding.steps, "step"))});
+    columns.push_back({"Marked", Align::text});
+    const std::vector<Index> order = worst_first(found_);
+    size_t listed = 0, marked = 0;
+    Table table(columns, "RMS errors relative to the spread of the outputs", false);
+    for (size_t i = 0; i < order.size(); ++i) {
+      const size_t n = size_t(order[i]);
+      std::vector<std::string> marks;
+      if (found_.experiment_excess[n] > 1) marks.emplace_back("outlying error");
+      if (outlying[n] > 0) marks.push_back(plural(outlying[n], "outlying sample"));
+      marked += !marks.empty();
+      if (listed == most_rows || (i >= most_worst && marks.empty())) continue;
+      ++listed;
+      std::vector<std::string> cells{"Experiment " + found_.experiment(Index(n)),
+                                     figure(found_.experiment_simulation[n], 3),
+                                     figure(found_.experiment_one_step[n], 3)};
+      if (ahead) cells.push_back(figure(found_.experiment_error[n], 3));
+      cells.push_back(fmt::format("{}", fmt::join(marks, ", ")));
+      table.row(cells, marks.empty() ? "" : "mark");
+    }
+    const std::string about = fmt::format(
+        "RMS errors of each experiment, relative to the spread of the outputs, with the largest {} first. An experiment is "
+        "marked if its error is above {:.0f} times the median and {:.0f} % of the spread, or if single samples of it are "
+        "outlying. {}",
+        ahead ? fmt::format("error {} ahead", plural(found_.deciding.steps, "step")) : "simulation error",
+        bounds::outlier, 100 * bounds::error_floor,
+        marked == 0 ? "None is marked."
+                    : fmt::format("{} of {} marked.", marked, plural(found_.experiments, "experiment")));
+    return section("experiments", "All experiments",
+                   paragraph(about) + plot_place("experiments", "Errors of all experiments, the largest first") +
+                       fmt::format("<details><summary>As a table: {} of {}</summary>\n{}</details>\n", listed,
+                                   plural(found_.experiments, "experiment"), table.html()));
   }
 
   std::string order_section() const {

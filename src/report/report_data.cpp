@@ -27,6 +27,7 @@ constexpr Index most_poles = 50'000;
 constexpr Index most_heat_columns = 1200, most_heat_rows = 32;
 constexpr Index most_states_shown = 12;
 constexpr size_t most_finding_steps = 10'000;
+constexpr Index most_worst_experiments = 1000, most_other_experiments = 1000;
 constexpr Index fewest_points = 120;  // of each curve, however many curves there are
 
 // Rounds to six digits, which is more than a plot can show. A value that is not finite becomes null.
@@ -111,23 +112,35 @@ Framed pole_frame(const Model& model) {
   return {smooth_frame(model, rows), "smooth", model.k_begin, model.k_end(), -1};
 }
 
+std::vector<Index> worst_first(const Evidence& found) {
+  const auto& error = found.experiment_error;
+  std::vector<Index> order = range(0, Index(error.size()));
+  std::stable_sort(order.begin(), order.end(), [&](Index a, Index b) {
+    const double x = error[size_t(a)], y = error[size_t(b)];
+    return std::isnan(y) ? !std::isnan(x) : x > y;
+  });
+  return order;
+}
+
+std::vector<Index> outlying_samples(const Evidence& found) {
+  std::vector<Index> result(size_t(found.experiments), 0);
+  for (const OutlyingSamples& o : found.validation.outlying) result[size_t(o.experiment)] += Index(o.steps.size());
+  return result;
+}
+
 Shown shown_experiments(const Evidence& found, Index most) {
   const auto& error = found.experiment_error;
   const Index total = Index(error.size());
   most = std::clamp<Index>(most, 1, std::max<Index>(1, total));
-  std::vector<Index> order = range(0, total);
-  std::stable_sort(order.begin(), order.end(), [&](Index a, Index b) {
-    const double x = error[size_t(a)], y = error[size_t(b)];
-    return std::isnan(y) ? !std::isnan(x) : x < y;  // experiments without an error come last
-  });
+  const std::vector<Index> order = worst_first(found);
   const Index known = std::count_if(error.begin(), error.end(), [](double e) { return !std::isnan(e); });
 
   Shown shown;
   Index best = -1, middle = -1, worst = -1;
   if (known > 0) {
-    best = order.front();
-    middle = order[size_t((known - 1) / 2)];
-    worst = order[size_t(known - 1)];
+    worst = order.front();
+    middle = order[size_t(known / 2)];
+    best = order[size_t(known - 1)];
   }
   std::vector<bool> taken(size_t(total), false);
   Index count = 0;
@@ -173,6 +186,7 @@ class Collector {
     json_["outputs"] = channels(
         model_.outputs, [&](Index j) { return names.output(j); }, names.output_units);
     traces();
+    experiments();
     singular_values();
     steps();
     poles();
@@ -256,6 +270,34 @@ class Collector {
             {"predicted", all(grid, m, [&](Index j, Index k) { return predicted.y(n, k, j); })},
             {"simulation_error", difference(simulated)},
             {"prediction_error", difference(predicted)}};
+  }
+
+  // The errors of all experiments in the order of worst_first(). Of very many, the worst and an even selection of the
+  // others.
+  void experiments() {
+    const std::vector<Index> order = worst_first(found_);
+    const Index total = Index(order.size()), others = std::max<Index>(0, total - most_worst_experiments);
+    const Index stride = std::max<Index>(1, (others + most_other_experiments - 1) / most_other_experiments);
+    if (stride > 1)
+      omit("The plot of all experiments shows the {} with the largest errors, and every {}th of the others.",
+           most_worst_experiments, stride);
+    const std::vector<Index> outlying = outlying_samples(found_);
+    Json list{{"limit", rounded(found_.experiment_limit)}, {"horizon", found_.deciding.steps}};
+    for (const char* key : {"x", "row", "name", "simulation", "one_step", "deciding", "outlying", "samples"})
+      list[key] = Json::array();
+    for (Index i = 0; i < total; i += i < most_worst_experiments ? 1 : stride) {
+      const size_t n = size_t(order[size_t(i)]);
+      const std::string& name = found_.experiment_names[n];
+      list["x"].push_back(i + 1);
+      list["row"].push_back(found_.rows[n]);
+      list["name"].push_back(name.empty() ? Json() : Json(words::quoted(name)));
+      list["simulation"].push_back(rounded(found_.experiment_simulation[n]));
+      list["one_step"].push_back(rounded(found_.experiment_one_step[n]));
+      list["deciding"].push_back(rounded(found_.experiment_error[n]));
+      list["outlying"].push_back(found_.experiment_excess[n] > 1);
+      list["samples"].push_back(outlying[n]);
+    }
+    json_["experiments"] = std::move(list);
   }
 
   // Stores the logarithms to base ten in hundredths, because these are small whole numbers.

@@ -30,6 +30,11 @@ struct Framed {
 };
 Framed pole_frame(const Model& model);
 
+// The tested experiments (N), the largest error first. Experiments without an error come last.
+std::vector<Index> worst_first(const Evidence& found);
+// (N) the number of outlying samples of each tested experiment
+std::vector<Index> outlying_samples(const Evidence& found);
+
 // The rows of the ensemble that are plotted, and their labels. They have the smallest, median and largest error; other
 // rows are spread evenly.
 struct Shown {

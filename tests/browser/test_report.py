@@ -11,7 +11,7 @@ from drawn import READABLE, coloured, of_colour, picture, positions, rgb, undraw
 from playwright.sync_api import expect
 
 TIME_PLOTS = {"outputs", "errors", "inputs", "order", "condition", "rank", "step", "radius", "gain", "a"}
-OTHER_PLOTS = {"poles", "whiteness"}
+OTHER_PLOTS = {"poles", "whiteness", "experiments"}
 NASTY = ["</script><script>alert(1)</script>", "<img src=x onerror=alert(2)>", "\"quoted\" 'name' & co \\u003c 🛩",
          "a name of very great length " * 12]
 
@@ -241,6 +241,16 @@ def test_checks_are_listed_with_their_figures(visit, typical):
         assert page.locator("#checks p").first.inner_text().startswith(
             f"{sum(c['result'] == 'good' for c in report_data(page)['checks'])} of ")
         assert all(rows.nth(i).locator("td").nth(0).inner_text()[0] in "✓!✗–" for i in range(rows.count()))
+
+
+def test_every_experiment_has_its_place_and_name(visit, typical):
+    with visit(typical) as page:
+        found = report_data(page)["experiments"]
+        assert len(found["row"]) == 13 and found["simulation"] == sorted(found["simulation"], reverse=True)
+        assert values(page, "experiments", "One-step prediction") == found["one_step"]
+        page.focus("#plot-experiments")
+        page.keyboard.press("Home")
+        expect(page.locator("#legend-experiments")).to_contain_text(f"experiment {found['row'][0]}")
 
 
 def test_zoom_is_shared_and_can_be_undone(visit, typical):

@@ -7,7 +7,7 @@ import re
 
 import numpy as np
 import pytest
-from support import load, predict
+from support import load, predict, simulate
 
 
 def data_of(page):
@@ -260,6 +260,35 @@ def test_checks_decide_the_verdict(tokid, oscillator, tmp_path):
         found = {check["name"]: check["found"] for check in checks}
         assert found["experiments"] == str(len(np.load(data)["u"]))
         assert found["missing"] == "none"
+
+
+def test_all_experiments_are_shown_the_worst_first(tokid, oscillator, tmp_path):
+    model = load(oscillator / "model.npz")
+    tokid("example", "oscillator", "-o", tmp_path / "data.npz", "--experiments", 2600, "--steps", 40, "--seed", 4,
+          "--measurement-noise", 0.02)
+    arrays = load(tmp_path / "data.npz")
+    arrays["y"][1234] *= -1  # a swapped plug
+    np.savez(tmp_path / "data.npz", **arrays)
+    page = tmp_path / "page.html"
+    tokid("report", oscillator / "model.npz", tmp_path / "data.npz", "-o", page)
+    found = data_of(page)["experiments"]
+    y = arrays["y"]
+    spread = np.sqrt(((y - y.mean(axis=(0, 1))) ** 2).mean(axis=(0, 1)))
+    def rms(computed):
+        return np.sqrt((((y - computed) / spread) ** 2).mean(axis=(1, 2)))
+    simulation, one_step = rms(simulate(model, arrays["u"])), rms(predict(model, arrays["u"], y))
+    order = np.argsort(-simulation, kind="stable")
+    assert found["horizon"] == 0 and found["x"] == [*range(1, 1001), *range(1001, 2601, 2)]
+    rows = np.array(found["row"])
+    np.testing.assert_array_equal(rows, order[np.array(found["x"]) - 1])
+    np.testing.assert_allclose(found["simulation"], simulation[rows], rtol=1e-5)
+    np.testing.assert_allclose(found["one_step"], one_step[rows], rtol=1e-5)
+    assert rows[0] == 1234 and found["outlying"] == [True] + [False] * (len(rows) - 1)
+    assert found["limit"] == pytest.approx(max(0.05, 10 * np.sort(simulation)[1300]), rel=1e-5)
+    shown = table_of(page, "RMS errors relative to the spread of the outputs")
+    assert len(shown) >= 12 and shown[0][0] == "Experiment 1234" and "outlying error" in shown[0][-1]
+    assert float(shown[0][1]) == pytest.approx(simulation[1234], rel=6e-3)
+    assert page.stat().st_size < 1_500_000
 
 
 @pytest.mark.parametrize("output, complaint", [

@@ -110,6 +110,7 @@ const tokid = (() => {
     const k = plot.pick ? plot.pick(plot.u) : plot.u.cursor.idx;
     for (const [element, curve] of plot.values) element.textContent = k == null ? "" : short((curve.shown || curve.values)[k]);
     if (k == null) plot.where.textContent = "";
+    else if (plot.where_of) plot.where.textContent = plot.where_of(k);
     else if (plot.shared) {
       // A point of a thinned curve is the least or the largest value of its stretch, from any step of the stretch.
       if (plot.stretch > 1) {
@@ -321,9 +322,9 @@ const tokid = (() => {
     return plot.curves.map(curve => ({
       stroke: colour(curve.colour), width: curve.width || 1.6, dash: curve.dash || [],
       spanGaps: false,
-      paths: curve.stepped ? uPlot.paths.stepped({align: 1}) : undefined,
+      paths: curve.marks ? () => null : curve.stepped ? uPlot.paths.stepped({align: 1}) : undefined,
       points: {
-        show: curve.points === undefined ? false : curve.points, filter: lone, size: curve.size || 4.5,
+        show: curve.marks || (curve.points === undefined ? false : curve.points), filter: lone, size: curve.size || 4.5,
         fill: colour(curve.colour), stroke: colour(curve.colour), width: 0
       }
     }));
@@ -367,9 +368,11 @@ const tokid = (() => {
   }
 
   // Draws a plot in its place, `plot-NAME` with `legend-NAME`, or draws it anew.
-  //   x, curves [{label, colour, values, width, dash, stepped, points, size, silent, shown}]: values over x
+  //   x, curves [{label, colour, values, width, dash, stepped, points, size, silent, shown, marks}]: values over x;
+  //   marks: points without a line
   //   square, clouds [{label, colour, mark, x, y}]: points of the complex plane within ±square, "dot" or "ring"
   //   shared: x are steps, and all such plots show one range of them; otherwise x_label names x
+  //   where_of: a text on the point under the cursor
   //   stretch, step_of, stops, pick: the steps of a point that stands for several, and where the cursor stops
   //   label, log, y_range, zero, scale, incrs, tick: the vertical axis
   //   bar, image, front: functions that draw into the legend, behind all else and before all else

@@ -70,6 +70,28 @@
     draw_traces();
   }
 
+  // The errors of all experiments. The logarithmic axis needs values above zero; an exact error of zero is not drawn.
+
+  function draw_experiments() {
+    const e = data.experiments, errors = ["simulation", "one_step", "deciding"].flatMap(key => e[key]).filter(v => v > 0);
+    if (!errors.length) return;
+    const points = (u, i, i0, i1) => (i1 - i0) * 6 < u.bbox.width / devicePixelRatio;
+    const outlying = e.deciding.map((v, i) => e.outlying[i] || e.samples[i] ? v : null);
+    const curves = [
+      {label: "Simulation", colour: "--c-blue", values: e.simulation, points},
+      {label: "One-step prediction", colour: "--c-orange", values: e.one_step, points, dash: [5, 3]}];
+    if (e.horizon) curves.push({label: `${e.horizon} steps ahead`, colour: "--c-green", values: e.deciding, points});
+    if (e.outlying.some(is => is))
+      curves.push({label: "Limit of outlying errors", colour: "--c-faint", values: e.x.map(() => e.limit), width: 1.2, dash: [2, 3]});
+    if (outlying.some(v => v !== null))
+      curves.push({label: "Marked", colour: "--bad", values: outlying, marks: true, size: 9});
+    const name = i => e.name[i] === null || e.name[i] === String(e.row[i]) ? String(e.row[i]) : `"${e.name[i]}" (row ${e.row[i]})`;
+    add({
+      name: "experiments", tall: 240, x: e.x, x_label: "Experiments, the largest error first", curves, log: true,
+      where_of: i => `experiment ${name(i)}` + (e.samples[i] ? `, outlying samples: ${e.samples[i]}` : "")
+    });
+  }
+
   // Singular values: dark means small and bright means large. The lightness of the scale increases evenly.
 
   const scale = [[68, 1, 84], [72, 40, 120], [62, 74, 137], [49, 104, 142], [38, 130, 142], [31, 158, 137], [53, 183, 121], [110, 206, 88], [181, 222, 43], [253, 231, 37]];
@@ -304,6 +326,7 @@
   }
 
   setup_traces();
+  draw_experiments();
   draw_order();
   draw_steps();
   setup_entries("gain", "G", data.gain, at("gain-row"));
