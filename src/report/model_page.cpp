@@ -14,6 +14,7 @@
 #include "report/origin.hpp"
 #include "report/page.hpp"
 #include "report/report_data.hpp"
+#include "report/selection.hpp"
 #include "tokid/version.hpp"
 
 namespace tokid {
@@ -80,10 +81,12 @@ std::string choice(std::string_view id, std::string_view label) {
 // Makes the sections of the page from the evidence and the verdict.
 class Report {
  public:
-  Report(const Model& model, const Tested& tested)
+  // `identified`: the identification that has just made the model; null for a model from a file.
+  Report(const Model& model, const Tested& tested, const Identification* identified)
       : model_(model),
         data_(tested.data),
         options_(tested.options),
+        identified_(identified),
         found_(evidence(model, tested)),
         verdict_(verdict_of(model, found_, options_)),
         plots_(plot_data(model, data_, found_, verdict_, options_)) {}
@@ -410,6 +413,19 @@ class Report {
                                    plural(found_.experiments, "experiment"), table.html()));
   }
 
+  // The candidates are known to the identification alone: a model's file has only what was chosen.
+  std::string candidates() const {
+    if (!identified_)
+      return paragraph(
+          "The errors of the other candidates for lag order, λ and number of states are on the page that tokid identify "
+          "--report writes. A model's file has only those that were chosen.");
+    const std::string tables = selection_tables(*identified_);
+    return "<h3>Candidates</h3>\n" +
+           (tables.empty() ? paragraph("The lag order and the number of states were given, or follow from the rank of "
+                                       "the data. No other candidates were compared.")
+                           : tables);
+  }
+
   std::string order_section() const {
     if (!model_.has(&Step::has_singular_values))
       return section("order", "Order", paragraph("The model has no singular values: it was not identified by tokid."));
@@ -422,7 +438,7 @@ class Report {
             plot_place(
                 "order",
                 "Heat map of the singular values of the Hankel matrix over the steps, with the number of states") +
-            order_table());
+            order_table() + candidates());
   }
 
   std::string order_table() const {
@@ -649,6 +665,7 @@ class Report {
   const Model& model_;
   const Ensemble& data_;
   const ReportOptions& options_;
+  const Identification* identified_;
   Evidence found_;
   Verdict verdict_;
   Plots plots_;
@@ -660,8 +677,8 @@ class Report {
 
 namespace {
 
-ReportPage page_of(const Model& model, const report::Tested& tested) {
-  const report::Report report(model, tested);
+ReportPage page_of(const Model& model, const report::Tested& tested, const Identification* identified) {
+  const report::Report report(model, tested, identified);
   return {report.verdict(), report.html()};
 }
 
@@ -683,16 +700,18 @@ ReportPage identification_page(const Identification& result, const Ensemble& dat
     rows = std::move(remaining.rows);
   }
   const Ensemble& used = all ? data : own;
-  if (!result.held_out && all) return report_page(result.model, data, options);
-  if (!result.held_out) return page_of(result.model, report::tested_part(data, own, rows, std::move(options)));
+  if (!result.held_out && all) return page_of(result.model, report::tested(result.model, data, options), &result);
+  if (!result.held_out) return page_of(result.model, report::tested_part(data, own, rows, std::move(options)), &result);
   Split parts = split(used, identified.hold_out, identified.period);
   for (Index& n : parts.held_out_rows) n = rows[size_t(n)];
-  return page_of(result.model, report::tested_part(data, std::move(parts.held_out), std::move(parts.held_out_rows),
-                                                   std::move(options)));
+  return page_of(
+      result.model,
+      report::tested_part(data, std::move(parts.held_out), std::move(parts.held_out_rows), std::move(options)),
+      &result);
 }
 
 ReportPage report_page(const Model& model, const Ensemble& data, const ReportOptions& options) {
-  return page_of(model, report::tested(model, data, options));
+  return page_of(model, report::tested(model, data, options), nullptr);
 }
 
 }  // namespace tokid

@@ -291,6 +291,35 @@ def test_all_experiments_are_shown_the_worst_first(tokid, oscillator, tmp_path):
     assert page.stat().st_size < 1_500_000
 
 
+def test_page_of_an_identification_has_its_candidates(tokid, tmp_path):
+    tokid("example", "oscillator", "-o", tmp_path / "data.npz", "--experiments", 30, "--steps", 40,
+          "--process-noise", 0.05, "--measurement-noise", 0.1)
+    page = tmp_path / "page.html"
+    found = tokid.json("identify", tmp_path / "data.npz", "-o", tmp_path / "model.npz", "--report", page)
+    trials = table_of(page, "Candidates of lag order and λ")
+    errors = [float(row[2].removesuffix(" %")) for row in trials]
+    assert len(trials) > 3 and errors == sorted(errors)
+    chosen = [row for row in trials if row[3] == "chosen"]
+    assert [row[0] for row in chosen] == [str(found["lags"])]
+    assert errors[trials.index(chosen[0])] <= 1.02 * errors[0]
+    states = table_of(page, "Candidates of the number of states")
+    assert [int(row[0]) for row in states] == sorted({int(row[0]) for row in states}) and len(states) > 2
+    best = next(row for row in states if row[-1] == "chosen")
+    above = [float(row[5].removesuffix(" %")) for row in states]
+    assert min(above) >= 0 and above[states.index(best)] <= 2 and max(above) > above[states.index(best)]
+    refined = table_of(page, "Candidates of the refinement by EM")
+    assert sum(row[-1] == "chosen" for row in refined) <= 1 and len(refined) > 1
+    # A model's file does not have them, and its page says so.
+    tokid("report", tmp_path / "model.npz", tmp_path / "data.npz", "-o", tmp_path / "later.html")
+    later = (tmp_path / "later.html").read_text(encoding="utf-8")
+    assert "Candidates of" not in later and "on the page that tokid identify --report writes" in html.unescape(later)
+    # Without noise, the rank decides.
+    tokid("example", "oscillator", "-o", tmp_path / "exact.npz", "--experiments", 30, "--steps", 40)
+    tokid("identify", tmp_path / "exact.npz", "-o", tmp_path / "model.npz", "--report", page)
+    orders = table_of(page, "Candidates of the lag order")
+    assert sum(row[2] == "chosen" for row in orders) == 1
+
+
 @pytest.mark.parametrize("output, complaint", [
     ("page.pdf", "extension '.pdf' found, one of .html, .htm needed to write a page"),
     ("missing/page.html", "does not exist"),
