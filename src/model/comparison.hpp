@@ -11,6 +11,8 @@ struct Comparison {
   Validation validation;
   Prediction prediction;  // one step ahead
   Ensemble simulated;     // simulate_data()
+  // The innovations that were tested, over their standard deviations. Empty if the data are free of noise.
+  Innovations tested;
 };
 // \throws as validate(), which returns only the first field
 Comparison compare(const Model& model, const Ensemble& data, const ValidateOptions& options);

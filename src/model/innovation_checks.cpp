@@ -3,6 +3,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cmath>
 #include <stdexcept>
 
 namespace tokid {
@@ -15,6 +17,33 @@ void check_innovations(const std::vector<Matrix>& innovations, const Ensemble& d
                                             innovations.size(), innovations.empty() ? 0 : innovations.front().rows(),
                                             innovations.empty() ? 0 : innovations.front().cols(), data.steps(),
                                             data.experiments(), data.outputs()));
+}
+
+Index too_few(const std::vector<Matrix>& innovations) {
+  return innovations.empty() ? 0 : innovations.front().cols() + 2;
+}
+
+Matrix unit_columns(Matrix samples) {
+  for (auto column : samples.colwise()) {
+    const double size = column.norm();
+    column.array() -= column.mean();
+    // A constant column leaves only rounding errors. Their direction has no meaning, so the column becomes zero.
+    if (!(column.norm() > 1e-13 * size)) column.setZero();
+    if (const double norm = column.norm(); norm > 0) column /= norm;
+  }
+  return samples;
+}
+
+void fill_missing_inputs(Matrix& u) {
+  for (auto column : u.colwise()) {
+    double sum = 0.0;
+    Index count = 0;
+    for (const double value : column)
+      if (!std::isnan(value)) sum += value, ++count;
+    const double mean = count > 0 ? sum / double(count) : 0.0;
+    for (double& value : column)
+      if (std::isnan(value)) value = mean;
+  }
 }
 
 }  // namespace tokid

@@ -30,13 +30,7 @@ struct Centred {
 };
 
 Centred centred(Matrix samples) {
-  for (auto column : samples.colwise()) {
-    const double size = column.norm();
-    column.array() -= column.mean();
-    // A constant column leaves only rounding errors. Their direction has no meaning, so the column becomes zero.
-    if (!(column.norm() > 1e-13 * size)) column.setZero();
-    if (const double norm = column.norm(); norm > 0) column /= norm;
-  }
+  samples = unit_columns(std::move(samples));
   const linalg::Svd d = linalg::svd(samples);
   const Index rank = d.s.size() == 0 ? 0 : (d.s.array() > 1e-12 * d.s(0)).count();
   return {std::move(samples), d.u.leftCols(rank)};
@@ -48,9 +42,6 @@ std::vector<Index> finite_rows(const Matrix& a) {
     if (a.row(n).allFinite()) rows.push_back(n);
   return rows;
 }
-
-// A test needs more samples than this: with ν degrees of freedom, ν ≥ m + 2.
-Index too_few(const Innovations& innovations) { return innovations.empty() ? 0 : innovations.front().cols() + 2; }
 
 // Tests over the experiments if at least one step has enough of them. Otherwise all samples are pooled. Pooled samples
 // of one experiment depend on each other, so the distribution of the test is right only for many samples.
@@ -236,15 +227,7 @@ namespace {
 
 // An orthonormal basis of the inputs of the given rows. The mean of the available inputs replaces a missing one.
 Matrix input_basis(Matrix u) {
-  for (auto column : u.colwise()) {
-    double sum = 0.0;
-    Index count = 0;
-    for (const double value : column)
-      if (!std::isnan(value)) sum += value, ++count;
-    const double mean = count > 0 ? sum / double(count) : 0.0;
-    for (double& value : column)
-      if (std::isnan(value)) value = mean;
-  }
+  fill_missing_inputs(u);
   return centred(std::move(u)).basis;
 }
 

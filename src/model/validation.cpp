@@ -44,10 +44,12 @@ Innovations standardised(const Model& model, Innovations innovations) {
   return innovations;
 }
 
-// Computes the validation from the errors of all steps. It calls innovations() only if they are tested.
+// Computes the validation from the errors of all steps. It calls innovations() only if they are tested. `tested` gets
+// the innovations of the tests, if it is not null.
 template <class OneStepErrors>
 Validation validation(const Model& model, const Ensemble& data, const ValidateOptions& options,
-                      const ErrorCollector& errors, OutlyingSampleCollector& outlying, OneStepErrors&& innovations) {
+                      const ErrorCollector& errors, OutlyingSampleCollector& outlying, OneStepErrors&& innovations,
+                      Innovations* tested = nullptr) {
   const bool departures = model.y_nominal.rows() > 0;
   Validation result;
   result.one_step = result.horizon = fit_of(errors.totals.one_step, departures);
@@ -72,6 +74,7 @@ Validation validation(const Model& model, const Ensemble& data, const ValidateOp
       const Index first = has_feedthrough(model.provenance) ? 0 : 1;
       result.independence = independence(e, data, first, options.whiteness_lags);
       result.feedback = independence(e, data, -options.whiteness_lags, first - 1);
+      if (tested) *tested = std::move(e);
     }
     result.gains = input_gains(model, data, innovations());
   }
@@ -122,8 +125,9 @@ Comparison compare(const Model& model, const Ensemble& data, const ValidateOptio
     errors.predicted(k, compared.prediction.innovations[size_t(k)]);
     errors.simulated(k, data.output(k) - compared.simulated.output(k));
   }
-  compared.validation = validation(model, data, options, errors, outlying,
-                                   [&compared]() -> const Innovations& { return compared.prediction.innovations; });
+  compared.validation = validation(
+      model, data, options, errors, outlying,
+      [&compared]() -> const Innovations& { return compared.prediction.innovations; }, &compared.tested);
   name_outlying(compared.validation, data.names);
   return compared;
 }

@@ -249,6 +249,9 @@ Evidence evidence(const Model& model, const Tested& tested) {
       moving.push_back(j);
   found.deciding = deciding_horizon(model, data, compared, options.initial_state, spread, moving, found.conclusions);
   found.findings = merged(options.findings, compared.validation.findings);
+  if (!compared.tested.empty())
+    found.input_correlation =
+        input_correlation(compared.tested, data, -test_lags, test_lags, compared.validation.independence.over);
   found.validation = std::move(compared.validation);
   found.prediction = std::move(compared.prediction);
   found.simulated = std::move(compared.simulated);

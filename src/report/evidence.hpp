@@ -7,6 +7,7 @@
 
 #include "base/words.hpp"
 #include "diagnose/conclusions.hpp"
+#include "model/input_correlation.hpp"
 #include "report/bounds.hpp"
 #include "report/horizon.hpp"
 #include "report/origin.hpp"
@@ -29,7 +30,8 @@ struct Evidence {
   Validation validation;
   Conclusions conclusions;
   DecidingHorizon deciding;
-  Prediction prediction;  // one step ahead
+  Prediction prediction;               // one step ahead
+  InputCorrelation input_correlation;  // lags from -test_lags to test_lags; without entries if not tested
   Ensemble simulated;
   Channels names;  // names of the model, or of the data if the model has no names
   Index horizon = 1;

@@ -101,10 +101,11 @@ class Report {
     page.links = {{"verdict", "Verdict"},   {"checks", "Checks"},           {"setup", "Setup"},
                   {"fit", "Fit"},           {"experiments", "Experiments"}, {"outputs", "Outputs"},
                   {"order", "Order"},       {"regressions", "Regressions"}, {"poles", "Eigenvalues"},
-                  {"matrices", "Matrices"}, {"whiteness", "Whiteness"},     {"notes", "Notes"}};
+                  {"matrices", "Matrices"}, {"whiteness", "Whiteness"},     {"inputs", "Inputs"},
+                  {"notes", "Notes"}};
     page.body = verdict_section() + checks_section() + setup_section() + fit_section() + experiments_section() +
                 outputs_section() + order_section() + regression_section() + pole_section() + matrix_section() +
-                whiteness_section() + notes_section();
+                whiteness_section() + input_correlation_section() + notes_section();
     page.data = plots_.json;
     page.script = assets::report_js();
     return document(page);
@@ -624,12 +625,50 @@ class Report {
     return section("whiteness", "Whiteness of the innovations",
                    paragraph(about) + paragraph(in_words(c.whiteness) + ".", "lead") +
                        list({fmt::format("Size: {}", squares_text()),
-                             fmt::format("Past and present inputs: {}.", in_words(c.independence)),
-                             fmt::format("Effects of the inputs: {}.", in_words(c.gains)),
-                             fmt::format("Later inputs: {}.", in_words(c.feedback))},
+                             fmt::format("Effects of the inputs: {}.", in_words(c.gains))},
                             "plain") +
                        plot_place("whiteness", "Correlation of the innovations over the lag, with its bounds") +
                        fmt::format("<details><summary>As a table</summary>\n{}</details>\n", table.html()));
+  }
+
+  std::string input_correlation_section() const {
+    const InputCorrelation& found = found_.input_correlation;
+    const Conclusions& c = found_.conclusions;
+    const std::string about = fmt::format(
+        "Correlation of each output's innovations with an input some steps before, over the experiments, averaged over "
+        "the steps. From lag {} on, a correlation means that the model misses a part of the response. At smaller lags, "
+        "the input follows the output: feedback, which is no fault of the model. If nothing is correlated, 99 % of the "
+        "points are within the bounds.",
+        has_feedthrough(model_.provenance) ? 0 : 1);
+    if (found.over == Pooling::none || model_.inputs == 0)
+      return section("inputs", "Innovations and inputs",
+                     paragraph(about) + paragraph(in_words(c.independence) + ".", "lead"));
+    constexpr Index most = 12;
+    const Index shown = std::min(most, model_.inputs);
+    std::vector<Table::Column> columns{{"Lag"}};
+    for (Index i = 0; i < shown; ++i) columns.push_back({found_.names.input(i)}), columns.push_back({"99 % bound"});
+    Table table(columns, "Largest correlation of an output's innovations with each input");
+    for (size_t lag = 0; lag < found.correlation.size(); ++lag) {
+      const Index at = found.first + Index(lag);
+      std::vector<std::string> cells{fmt::format("{}{}", at < 0 ? "−" : "", std::abs(at))};
+      for (Index i = 0; i < shown; ++i) {
+        double largest = 0.0;
+        for (const double value : found.correlation[lag].col(i))
+          if (!(std::abs(value) < std::abs(largest))) largest = value;
+        for (const double value : {largest, found.bound(Index(lag), i)})
+          cells.push_back(std::isnan(value) ? "–" : fmt::format("{:.3f}", value));
+      }
+      table.row(cells);
+    }
+    return section(
+        "inputs", "Innovations and inputs",
+        paragraph(about) +
+            list({fmt::format("Past and present inputs: {}.", in_words(c.independence)),
+                  fmt::format("Later inputs: {}.", in_words(c.feedback))},
+                 "plain") +
+            controls(choice("correlated-input", "Input")) +
+            plot_place("inputs-lags", "Correlation of the innovations with an input over the lag, with its bounds") +
+            fmt::format("<details><summary>As a table</summary>\n{}</details>\n", table.html()));
   }
 
   std::string notes_section() const {

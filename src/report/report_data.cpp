@@ -26,6 +26,7 @@ constexpr Index most_entry_numbers = 60'000;  // of A_k, and as many of G_k
 constexpr Index most_poles = 50'000;
 constexpr Index most_heat_columns = 1200, most_heat_rows = 32;
 constexpr Index most_states_shown = 12;
+constexpr Index most_correlated_inputs = 24, most_correlated_outputs = 12;
 constexpr size_t most_finding_steps = 10'000;
 constexpr Index most_worst_experiments = 1000, most_other_experiments = 1000;
 constexpr Index fewest_points = 120;  // of each curve, however many curves there are
@@ -192,6 +193,7 @@ class Collector {
     poles();
     entries();
     whiteness();
+    input_correlation();
     findings();
     checks(verdict);
     plots_.json = text_of(json_);
@@ -476,6 +478,30 @@ class Collector {
     }
     json_["whiteness"] = {{"correlation", correlation},
                           {"bound", rounded(std::vector<double>(white.bound.begin(), white.bound.end()))}};
+  }
+
+  // For each input, the correlations of each output's innovations with it, over the lags.
+  void input_correlation() {
+    const InputCorrelation& found = found_.input_correlation;
+    json_["input_correlation"] = nullptr;
+    if (found.over == Pooling::none || model_.inputs == 0) return;
+    const Index inputs = std::min(model_.inputs, most_correlated_inputs);
+    const Index outputs = std::min(model_.outputs, most_correlated_outputs);
+    if (inputs < model_.inputs || outputs < model_.outputs)
+      omit("The correlations with the inputs are drawn for {} of {} inputs and {} of {} outputs.", inputs,
+           model_.inputs, outputs, model_.outputs);
+    Json list = Json::array();
+    for (Index i = 0; i < inputs; ++i) {
+      Json correlation = Json::array(), bound = Json::array();
+      for (Index j = 0; j < outputs; ++j) {
+        Json lags = Json::array();
+        for (const Matrix& lag : found.correlation) lags.push_back(rounded(lag(j, i)));
+        correlation.push_back(std::move(lags));
+      }
+      for (Index lag = 0; lag < found.bound.rows(); ++lag) bound.push_back(rounded(found.bound(lag, i)));
+      list.push_back({{"correlation", correlation}, {"bound", bound}});
+    }
+    json_["input_correlation"] = {{"first", found.first}, {"inputs", list}};
   }
 
   void findings() {

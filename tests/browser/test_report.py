@@ -11,7 +11,7 @@ from drawn import READABLE, coloured, of_colour, picture, positions, rgb, undraw
 from playwright.sync_api import expect
 
 TIME_PLOTS = {"outputs", "errors", "inputs", "order", "condition", "rank", "step", "radius", "gain", "a"}
-OTHER_PLOTS = {"poles", "whiteness", "experiments"}
+OTHER_PLOTS = {"poles", "whiteness", "inputs-lags", "experiments"}
 NASTY = ["</script><script>alert(1)</script>", "<img src=x onerror=alert(2)>", "\"quoted\" 'name' & co \\u003c 🛩",
          "a name of very great length " * 12]
 

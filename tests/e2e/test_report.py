@@ -320,6 +320,45 @@ def test_page_of_an_identification_has_its_candidates(tokid, tmp_path):
     assert sum(row[2] == "chosen" for row in orders) == 1
 
 
+def test_plotted_correlation_with_the_inputs(plotted):
+    """The mean over the steps of the correlations over the experiments, for each output and input."""
+    model, data, page = plotted
+    found = page["input_correlation"]
+    innovations = data["y"] - predict(model, data["u"], data["y"])
+    def unit(values):
+        values = values - values.mean(axis=0)
+        return values / np.linalg.norm(values, axis=0)
+    e, u = unit(innovations), unit(data["u"])
+    experiments, steps, outputs = e.shape
+    lags = len(found["inputs"][0]["bound"])
+    assert found["first"] == -5 and lags == 11 and len(found["inputs"]) == u.shape[2]
+    for i, values in enumerate(found["inputs"]):
+        for at, lag in enumerate(range(-5, 6)):
+            k = np.arange(max(0, lag), min(steps, steps + lag))
+            for j in range(outputs):
+                expected = (e[:, k, j] * u[:, k - lag, i]).sum(axis=0).mean()
+                assert values["correlation"][j][at] == pytest.approx(expected, rel=1e-5, abs=1e-9)
+            assert values["bound"][at] == pytest.approx(2.5758293 / np.sqrt((experiments - 1) * len(k)), rel=1e-5)
+
+
+def test_wrong_feedthrough_shows_at_lag_0_of_its_input(tokid, tmp_path):
+    noise = ["--steps", 30, "--measurement-noise", 0.1]
+    tokid("example", "oscillator", "-o", tmp_path / "data.npz", "--experiments", 60, *noise)
+    tokid("example", "oscillator", "-o", tmp_path / "fresh.npz", "--experiments", 60, "--seed", 5, *noise)
+    tokid("identify", tmp_path / "data.npz", "-o", tmp_path / "model.npz", "--no-refine")
+    model = load(tmp_path / "model.npz")
+    def excess():
+        tokid("report", tmp_path / "model.npz", tmp_path / "fresh.npz", "-o", tmp_path / "page.html")
+        found = data_of(tmp_path / "page.html")["input_correlation"]["inputs"]
+        return np.array([[np.abs(values) / np.array(one["bound"]) for values in one["correlation"]] for one in found])
+    before = excess()  # input, output, lag from -5 on
+    model["D"][:, 1, 0] += 0.2 * np.abs(model["D"]).max() + 0.1
+    np.savez(tmp_path / "model.npz", **model)
+    after = excess()
+    assert after[0, 1, 5] > 3 and np.argmax(after) == np.ravel_multi_index((0, 1, 5), after.shape)
+    assert (before > 1).mean() < 0.05 and (after[1] > 1).mean() < 0.05
+
+
 @pytest.mark.parametrize("output, complaint", [
     ("page.pdf", "extension '.pdf' found, one of .html, .htm needed to write a page"),
     ("missing/page.html", "does not exist"),

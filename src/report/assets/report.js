@@ -307,7 +307,14 @@
     draw_radius();
   }
 
-  // Whiteness
+  // Correlations over the lag: a curve for each output, within a range about zero.
+
+  const correlation_of = (values, j) => ({label: data.outputs[j].name, colour: palette[j % palette.length],
+    dash: dashes[Math.floor(j / palette.length) % dashes.length], values, points: true, size: 7});
+  const symmetric = {range: (u, min, max) => {
+    const most = 1.15 * Math.max(Math.abs(min || 0), Math.abs(max || 0), 0.02);
+    return [-most, most];
+  }};
 
   function draw_whiteness() {
     const white = data.whiteness;
@@ -316,13 +323,25 @@
     const curves = [
       {label: "99 % bound", colour: "--c-faint", values: bound, dash: [4, 4]},
       {label: "", silent: true, colour: "--c-faint", values: bound.map(v => v === null ? null : -v), dash: [4, 4]}];
-    white.correlation.slice(0, 12).forEach((values, j) => curves.push({label: data.outputs[j].name, colour: palette[j % palette.length],
-      dash: dashes[Math.floor(j / palette.length) % dashes.length], values, points: true, size: 7}));
-    add({name: "whiteness", x_label: "Lag", tall: 220, x, curves,
-      scale: {range: (u, min, max) => {
-        const most = 1.15 * Math.max(Math.abs(min || 0), Math.abs(max || 0), 0.02);
-        return [-most, most];
-      }}});
+    white.correlation.slice(0, 12).forEach((values, j) => curves.push(correlation_of(values, j)));
+    add({name: "whiteness", x_label: "Lag", tall: 220, x, curves, scale: symmetric});
+  }
+
+  function draw_input_correlation() {
+    const found = data.input_correlation, i = Number(at("correlated-input").value), shown = found.inputs[i], bound = shown.bound;
+    const curves = [
+      {label: "99 % bound", colour: "--c-faint", values: bound, dash: [4, 4]},
+      {label: "", silent: true, colour: "--c-faint", values: bound.map(v => v === null ? null : -v), dash: [4, 4]}];
+    shown.correlation.forEach((values, j) => curves.push(correlation_of(values, j)));
+    add({name: "inputs-lags", x_label: "Lag: the input acts so many steps before", tall: 220, x: bound.map((_, l) => found.first + l), curves, scale: symmetric});
+  }
+
+  function setup_input_correlation() {
+    if (!data.input_correlation) return;
+    const select = at("correlated-input");
+    fill(select, data.inputs.slice(0, data.input_correlation.inputs.length).map(named), 0);
+    select.addEventListener("change", draw_input_correlation);
+    draw_input_correlation();
   }
 
   setup_traces();
@@ -333,6 +352,7 @@
   setup_entries("a", "A", data.A, at("a-row"));
   setup_poles();
   draw_whiteness();
+  setup_input_correlation();
 
   tokid.poles = () => ({step: poles.k[pole], open: poles.open[pole], closed: poles.closed[pole]});
 })();
