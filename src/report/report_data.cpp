@@ -178,6 +178,7 @@ class Collector {
 
   Plots collect(const Verdict& verdict) {
     json_["dt"] = rounded(data_.dt);
+    json_["dt_stated"] = data_.dt_stated;
     json_["steps"] = data_.steps();
     json_["begin"] = model_.k_begin;
     json_["end"] = model_.k_end();

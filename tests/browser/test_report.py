@@ -234,6 +234,37 @@ def drag(page, plot, start, end):
     page.mouse.up()
 
 
+def test_axes_over_time_are_in_seconds(visit, tokid, folder, typical):
+    """With round numbers, at the steps of these times. Without a stated sample time, they are steps."""
+    with visit(typical) as page:
+        for zoom in ("tokid.zoom()", "tokid.zoom(13, 29)", "tokid.zoom(40, 43)"):
+            page.evaluate(zoom)
+            page.wait_for_timeout(100)
+            for plot in page.evaluate("tokid.plots()"):
+                if not plot["shared"]:
+                    continue
+                assert plot["x_label"] == "Time [s]"
+                texts, ticks = np.array(plot["tick_texts"], float), np.array(plot["ticks"], float)
+                assert len(ticks) >= 3 and ticks.min() >= plot["from"] - 1e-9 and ticks.max() <= plot["to"] + 1e-9
+                np.testing.assert_allclose(texts, ticks * 0.05, atol=1e-9)
+                width = np.diff(texts)
+                assert np.ptp(width) < 1e-9 and round(width[0] / 10 ** np.floor(np.log10(width[0]) + 1e-9), 6) in (1, 2, 5)
+        page.focus("#plot-outputs")
+        page.keyboard.press("Escape")
+        page.keyboard.press("ArrowRight")
+        expect(page.locator("#legend-outputs")).to_contain_text(re.compile(r"step \d+, [\d.]+ s"))
+    with np.load(folder / "data.npz") as file:
+        np.savez(folder / "untimed.npz", **{key: file[key] for key in file.files if key != "dt"})
+    tokid("report", folder / "model.npz", folder / "untimed.npz", "-o", folder / "untimed.html")
+    with visit(folder / "untimed.html") as page:
+        plots = [plot for plot in page.evaluate("tokid.plots()") if plot["shared"]]
+        assert {plot["x_label"] for plot in plots} == {"Step"}
+        assert all(float(text).is_integer() for plot in plots for text in plot["tick_texts"])
+        page.focus("#plot-outputs")
+        page.keyboard.press("ArrowRight")
+        expect(page.locator("#legend-outputs")).to_contain_text(re.compile(r"step \d+$"))
+
+
 def test_checks_are_listed_with_their_figures(visit, typical):
     with visit(typical) as page:
         rows = page.locator("#checks tbody tr")

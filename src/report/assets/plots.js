@@ -63,6 +63,18 @@ const tokid = (() => {
     if (reset) reset.disabled = !view;
   }
 
+  // Axes over time are in seconds, if the data state their sample time. The plots themselves count steps.
+  const timed = data.dt_stated !== false, step_size = timed ? data.dt : 1;
+  const time_of = k => `step ${k}${timed ? `, ${short(k * data.dt)} s` : ""}`;
+  function time_ticks(u, axis, min, max) {
+    const room = Math.max(2, Math.floor(u.bbox.width / devicePixelRatio / (narrow() ? 56 : 72)));
+    const least = (max - min) * step_size / room, power = 10 ** Math.floor(Math.log10(least));
+    const nice = [1, 2, 5, 10].map(factor => factor * power).find(width => width >= 0.999 * least);
+    const width = timed ? nice : Math.max(1, nice), ticks = [];
+    for (let i = Math.ceil(min * step_size / width); i * width <= max * step_size; ++i) ticks.push(i * width / step_size);
+    return ticks;
+  }
+
   const sync = uPlot.sync("steps");
   const steps = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 1e4, 2e4, 5e4, 1e5, 2e5, 5e5];
 
@@ -116,11 +128,11 @@ const tokid = (() => {
       if (plot.stretch > 1) {
         const begin = plot.step_of ? plot.step_of(k) : plot.x[k - k % 2];
         const end = Math.min(begin + plot.stretch - 1, last_step);
-        plot.where.textContent = `${plot.step_of ? "largest" : "least or largest"} of steps ${begin}–${end}`;
+        const times = timed ? `, ${short(begin * data.dt)}–${short(end * data.dt)} s` : "";
+        plot.where.textContent = `${plot.step_of ? "largest" : "least or largest"} of steps ${begin}–${end}${times}`;
         return;
       }
-      const step = plot.step_of ? plot.step_of(k) : plot.x[k];
-      plot.where.textContent = `step ${step}, ${short(step * data.dt)} s`;
+      plot.where.textContent = time_of(plot.step_of ? plot.step_of(k) : plot.x[k]);
     }
     else plot.where.textContent = `${plot.x_label}: ${short(plot.x[k])}`;
   }
@@ -273,10 +285,12 @@ const tokid = (() => {
       ticks: {stroke: colour("--line"), width: 1, size: 5, ...filter}
     });
     const incrs = plot.square ? [0.5, 1, 2] : plot.incrs;
-    const whole = plot.shared || plot.x.every(Number.isInteger) ? steps : undefined;
+    const whole = plot.x.every(Number.isInteger) ? steps : undefined;
+    const time = plot.shared ? {splits: time_ticks, values: (u, ticks) => ticks.map(k => tick(k * step_size)), label: timed ? "Time [s]" : "Step"}
+                             : {values: (u, ticks) => ticks.map(tick), label: plot.x_label};
     const label = plot.label ? cut(plot.label, Math.max(8, Math.floor((height_of(plot) - 38) / 6.8))) : null;
     return [
-      {...look, ...lines({}), incrs: plot.square ? incrs : whole, size: below - 18, label: plot.shared ? "Step" : plot.x_label, labelSize: 18, space: narrow() ? 48 : 64, values: (u, ticks) => ticks.map(tick)},
+      {...look, ...lines({}), incrs: plot.square ? incrs : whole, size: below - 18, labelSize: 18, space: narrow() ? 48 : 64, ...time},
       {...look, ...lines(filter), ...filter, incrs, label, labelSize: 20, space: 34,
         // Long numbers need more space.
         size: (u, texts) => Math.max(beside(plot) - (label ? 20 : 0), 13 + 6.2 * Math.max(0, ...(texts || []).map(text => [...text].length))),
@@ -400,11 +414,12 @@ const tokid = (() => {
   }).observe(root);
 
   return {
-    data, at, make, colour, palette, raised, short, tick, add, remark, mark, set_view,
+    data, at, make, colour, palette, raised, short, tick, time_of, add, remark, mark, set_view,
     // For tests and for the console of the browser.
     plots: () => [...plots.values()].map(plot => ({
       name: plot.name, shared: Boolean(plot.shared), from: plot.u.scales.x.min, to: plot.u.scales.x.max,
-      place: plot.place, x: plot.x, area: plot.u.bbox,
+      place: plot.place, x: plot.x, area: plot.u.bbox, x_label: plot.u.axes[0].label,
+      ticks: plot.u.axes[0]._splits, tick_texts: plot.u.axes[0]._values,
       curves: plot.curves.map(curve => ({label: curve.label, values: curve.values, colour: colour(curve.colour)})),
       clouds: plot.clouds.map(cloud => ({...cloud, colour: colour(cloud.colour)}))
     })),

@@ -1,7 +1,7 @@
 // Fills the controls of a model's report and draws its plots. SPDX-License-Identifier: BSD-3-Clause
 "use strict";
 (() => {
-  const {data, at, make, colour, palette, raised, short, add, remark, mark, set_view} = tokid;
+  const {data, at, make, colour, palette, raised, short, time_of, add, remark, mark, set_view} = tokid;
   const dashes = [[], [6, 4], [2, 3], [9, 3, 2, 3]];
   const named = channel => channel.unit ? `${channel.name} [${channel.unit}]` : channel.name;
 
@@ -43,7 +43,7 @@
     at("next").disabled = experiment.selectedIndex === experiment.options.length - 1;
     const place = at("plot-outputs");
     if (!few) remark("plot-outputs", `Of every ${traces.stretch} steps the least and the largest value are drawn.`);
-    place.setAttribute("aria-label", `${e.label}, output ${named(data.outputs[j])}: measured, simulated and predicted over the steps`);
+    place.setAttribute("aria-label", `${e.label}, output ${named(data.outputs[j])}: measured, simulated and predicted over time`);
   }
   // Samples are marked if there is enough space.
   const undefined_points = (u, i, i0, i1) => (i1 - i0) * 8 < u.bbox.width / devicePixelRatio;
@@ -268,7 +268,7 @@
 
   function choose_pole(k) {
     pole = k;
-    const step = `Step ${poles.k[pole]}, ${short(poles.k[pole] * data.dt)} s`;
+    const step = time_of(poles.k[pole]).replace("step", "Step");
     at("pole-label").textContent = step;
     at("pole-step").value = String(pole);
     at("pole-step").setAttribute("aria-valuetext", step);
