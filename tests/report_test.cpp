@@ -10,6 +10,7 @@
 #include "report/origin.hpp"
 #include "report/page.hpp"
 #include "report/report_data.hpp"
+#include "report/responses.hpp"
 #include "testing.hpp"
 #include "tokid/example.hpp"
 #include "tokid/identify.hpp"
@@ -657,6 +658,59 @@ TEST(ReportPage, StepsWithoutFiniteEigenvaluesAreLeftOutAndCounted) {
   for (const Index k : poles["k"]) EXPECT_NE(k, system.k_begin + Index(wild));
   for (const auto& step : poles["closed"])
     for (const auto& number : step) EXPECT_TRUE(number.is_number()) << number;
+}
+
+// Pulses against pulse_response(), and steps against the sum of the pulses so far, which is the definition of a linear
+// system. Both are sums of the same products in another order: their errors are a few rounding errors of each term.
+TEST(Responses, AreThoseOfTheModelAndStepsAddUpPulses) {
+  std::uint64_t seed = 70;
+  for (const auto& [n, r, m, period] :
+       {std::tuple<Index, Index, Index, Index>{3, 2, 2, 0}, {5, 1, 3, 0}, {1, 3, 1, 0}, {4, 2, 2, 1}, {3, 1, 2, 6}}) {
+    const Index steps = 30, length = 12;
+    Model model = random_system({n, m, r}, steps, 0.9, ++seed);
+    for (Index k = period; period > 0 && k < steps; ++k) model.step[size_t(k)] = model.step[size_t(k - period)];
+    model.period = period;
+    const std::vector<Index> starts{0, 7, steps - length};
+    const report::Responses found = report::responses(model, starts, length);
+    for (size_t s = 0; s < starts.size(); ++s) {
+      for (Index k = 0; k < length; ++k) {
+        Matrix expected_step = Matrix::Zero(m, r);
+        double size = 0.0;
+        for (Index i = 0; i <= k; ++i) {
+          const Matrix h =
+              i == k ? Matrix(model.at(starts[s] + k).D()) : pulse_response(model, starts[s] + k, starts[s] + i);
+          expected_step += h;
+          size += h.cwiseAbs().maxCoeff();
+        }
+        const double tolerance = 1e3 * std::numeric_limits<double>::epsilon() * double(n * length) * size;
+        const Matrix expected_pulse =
+            k == 0 ? Matrix(model.at(starts[s]).D()) : pulse_response(model, starts[s] + k, starts[s]);
+        EXPECT_LE((found.pulse[s].row(k).reshaped(m, r) - expected_pulse).cwiseAbs().maxCoeff(), tolerance);
+        EXPECT_LE((found.step[s].row(k).reshaped(m, r) - expected_step).cwiseAbs().maxCoeff(), tolerance);
+      }
+    }
+    // A periodic model goes on, another one ends.
+    const report::Responses beyond = report::responses(model, {steps - 2}, length);
+    EXPECT_EQ(beyond.pulse.front().allFinite(), period > 0);
+    EXPECT_TRUE(beyond.pulse.front().topRows(2).allFinite());
+  }
+}
+
+TEST(Responses, StartWithinTheModelAndAreFewForManyChannels) {
+  for (const Index steps : {1, 2, 9, 40, 500})
+    for (const Index channels : {1, 4, 60}) {
+      Model model = random_system({1, channels, channels}, steps, 0.5, 3);
+      model.k_begin = 5;
+      const Index length = report::response_length(model);
+      const std::vector<Index> starts = report::response_starts(model);
+      ASSERT_FALSE(starts.empty());
+      EXPECT_GE(starts.front(), 5);
+      EXPECT_LE(starts.back() + length, model.k_end());
+      EXPECT_TRUE(std::is_sorted(starts.begin(), starts.end(), std::less_equal<>()));
+      if (channels == 60 && length > 2) {
+        EXPECT_EQ(starts.size(), 1u);
+      }
+    }
 }
 
 TEST(ReportPage, TakesModelsOfEveryKind) {

@@ -98,14 +98,23 @@ class Report {
     page.title = options_.model_name.empty() ? "Identified model" : options_.model_name;
     page.kind =
         options_.data_name.empty() ? "Identification report" : "Identification report, tested on " + options_.data_name;
-    page.links = {{"verdict", "Verdict"},   {"checks", "Checks"},           {"setup", "Setup"},
-                  {"fit", "Fit"},           {"experiments", "Experiments"}, {"outputs", "Outputs"},
-                  {"order", "Order"},       {"regressions", "Regressions"}, {"poles", "Eigenvalues"},
-                  {"matrices", "Matrices"}, {"whiteness", "Whiteness"},     {"inputs", "Inputs"},
+    page.links = {{"verdict", "Verdict"},
+                  {"checks", "Checks"},
+                  {"setup", "Setup"},
+                  {"fit", "Fit"},
+                  {"experiments", "Experiments"},
+                  {"outputs", "Outputs"},
+                  {"order", "Order"},
+                  {"regressions", "Regressions"},
+                  {"poles", "Eigenvalues"},
+                  {"responses", "Responses"},
+                  {"matrices", "Matrices"},
+                  {"whiteness", "Whiteness"},
+                  {"inputs", "Inputs"},
                   {"notes", "Notes"}};
     page.body = verdict_section() + checks_section() + setup_section() + fit_section() + experiments_section() +
-                outputs_section() + order_section() + regression_section() + pole_section() + matrix_section() +
-                whiteness_section() + input_correlation_section() + notes_section();
+                outputs_section() + order_section() + regression_section() + pole_section() + responses_section() +
+                matrix_section() + whiteness_section() + input_correlation_section() + notes_section();
     page.data = plots_.json;
     page.script = assets::report_js();
     return document(page);
@@ -573,6 +582,69 @@ class Report {
     facts.row("A outside the circle", fmt::format("at {} of {}", outside, plural(Index(radius.size()), "step")));
     facts.row("Largest of A + GC", figure(closed));
     return facts.html();
+  }
+
+  std::string responses_section() const {
+    if (model_.inputs == 0) return section("responses", "Responses", paragraph("The model has no inputs."));
+    std::string body = paragraph(
+        "Outputs after a pulse (1 at a single step) or a step (1 from there on) of one input, from rest and without the "
+        "nominal trajectory. The response depends on when the input acts: the chosen time is strong, the others are "
+        "faint.");
+    body += controls(choice("response-input", "Input") + choice("response-output", "Output") +
+                     choice("response-start", "Input acts from"));
+    body += "<div class=\"two\"><div>" + plot_place("pulse", "Pulse response", "Pulse response") + "</div>\n<div>" +
+            plot_place("step-response", "Step response", "Step response") + "</div></div>\n";
+    return section("responses", "Responses", body + response_table() + frozen_text());
+  }
+
+  // The largest values, for readers without plots.
+  std::string response_table() const {
+    constexpr Index most = 12;
+    const Index middle = Index(response_starts(model_).size()) / 2;
+    const Index start = response_starts(model_)[size_t(middle)];
+    const Responses found = responses(model_, {start}, response_length(model_));
+    Table table({{"Output", Align::text},
+                 {"Input", Align::text},
+                 {"Largest pulse response"},
+                 {"Steps later"},
+                 {"Last step response"}},
+                fmt::format("Inputs that act from step {} on, outputs of the {} from there", start,
+                            plural(found.length, "step")));
+    for (Index i = 0; i < std::min(most, model_.inputs); ++i)
+      for (Index j = 0; j < std::min(most, model_.outputs); ++j) {
+        const Vector pulse = found.pulse.front().col(j + model_.outputs * i);
+        Index peak = 0;
+        for (Index k = 0; k < pulse.size(); ++k)
+          if (std::abs(pulse(k)) > std::abs(pulse(peak))) peak = k;
+        table.row({found_.names.output(j), found_.names.input(i), figure(pulse(peak), 3), fmt::format("{}", peak),
+                   figure(found.step.front()(found.length - 1, j + model_.outputs * i), 3)});
+      }
+    return fmt::format("<details><summary>As a table</summary>\n{}</details>\n", table.html());
+  }
+
+  std::string frozen_text() const {
+    const FrozenResponses& frozen = plots_.frozen;
+    const std::string heading = "<h3>Frozen frequency response</h3>\n";
+    if (model_.states() == 0)
+      return heading + paragraph("The model has no states: its outputs follow the inputs at once.");
+    if (!frozen.why_none.empty())
+      return heading + paragraph("The model has no modes with the time frozen: " + frozen.why_none + ".");
+    if (frozen.steps.empty())
+      return heading +
+             paragraph(fmt::format(
+                 "Not shown: at each of the {} with modes, a mode varies by more than {:.3g} while it turns by one radian, "
+                 "depends on the window of outputs, or is too fast for the samples. A frequency response with the time "
+                 "frozen would mean little. The responses above are exact.",
+                 plural(frozen.all, "step"), frozen.limit));
+    return heading +
+           paragraph(fmt::format(
+               "Magnitude and phase if the system stayed as it is at one step. This means something at {} of {}: those at "
+               "which every mode varies by at most {:.3g} while it turns by one radian, and is the same in another window "
+               "of outputs. Evenly spaced ones of them can be chosen.",
+               frozen.slow, plural(frozen.all, "step"), frozen.limit)) +
+           controls(choice("frozen-step", "Frozen at")) + "<div class=\"two\"><div>" +
+           plot_place("magnitude", "Magnitude of the frozen frequency response", "Magnitude") + "</div>\n<div>" +
+           plot_place("phase", "Phase of the frozen frequency response", "Phase [degrees]") + "</div></div>\n";
   }
 
   std::string matrix_section() const {

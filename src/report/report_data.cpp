@@ -8,6 +8,7 @@
 #include <cmath>
 #include <functional>
 #include <limits>
+#include <numbers>
 #include <set>
 #include <stdexcept>
 
@@ -26,6 +27,7 @@ constexpr Index most_entry_numbers = 60'000;  // of A_k, and as many of G_k
 constexpr Index most_poles = 50'000;
 constexpr Index most_heat_columns = 1200, most_heat_rows = 32;
 constexpr Index most_states_shown = 12;
+constexpr Index most_response_channels = 12;
 constexpr Index most_correlated_inputs = 24, most_correlated_outputs = 12;
 constexpr size_t most_finding_steps = 10'000;
 constexpr Index most_worst_experiments = 1000, most_other_experiments = 1000;
@@ -174,7 +176,7 @@ namespace {
 class Collector {
  public:
   Collector(const Model& model, const Ensemble& data, const Evidence& found, const ReportOptions& options)
-      : model_(model), data_(data), found_(found), options_(options), plots_{{}, {}, pole_frame(model), {}} {}
+      : model_(model), data_(data), found_(found), options_(options), plots_{{}, {}, pole_frame(model), {}, {}} {}
 
   Plots collect(const Verdict& verdict) {
     json_["dt"] = rounded(data_.dt);
@@ -193,6 +195,8 @@ class Collector {
     steps();
     poles();
     entries();
+    responses();
+    frozen();
     whiteness();
     input_correlation();
     findings();
@@ -466,6 +470,83 @@ class Collector {
             ? (frame.name == "smooth" ? frame.model : model_)
             : smooth_frame(model_, std::max(model_.max_lags(), (n + model_.outputs - 1) / model_.outputs));
     json_["A"] = entries_of(smooth, &Step::A, model_.k_begin, model_.k_end(), n, n, "A");
+  }
+
+  // For each start, output and input: a list of numbers. Column j + m·i has output j for input i.
+  Json response_lists(const std::vector<Matrix>& all, Index outputs, Index inputs) const {
+    Json starts = Json::array();
+    for (const Matrix& values : all) {
+      Json pairs = Json::array();
+      for (Index i = 0; i < inputs; ++i)
+        for (Index j = 0; j < outputs; ++j) {
+          const Vector column = values.col(j + model_.outputs * i);
+          pairs.push_back(rounded(std::vector<double>(column.begin(), column.end())));
+        }
+      starts.push_back(std::move(pairs));
+    }
+    return starts;
+  }
+
+  // The channels of the responses on the page.
+  std::pair<Index, Index> response_channels() {
+    const Index outputs = std::min(model_.outputs, most_response_channels);
+    const Index inputs = std::min(model_.inputs, most_response_channels);
+    if (outputs < model_.outputs || inputs < model_.inputs)
+      omit("The responses are drawn for {} of {} outputs and {} of {} inputs.", outputs, model_.outputs, inputs,
+           model_.inputs);
+    return {outputs, inputs};
+  }
+
+  void responses() {
+    json_["responses"] = nullptr;
+    if (model_.inputs == 0) return;
+    const auto [outputs, inputs] = response_channels();
+    const std::vector<Index> starts = response_starts(model_);
+    const Index length = response_length(model_);
+    const Responses found = report::responses(model_, starts, length);
+    Json list{{"starts", found.starts},
+              {"length", found.length},
+              {"outputs", outputs},
+              {"inputs", inputs},
+              {"pulse", response_lists(found.pulse, outputs, inputs)},
+              {"step", response_lists(found.step, outputs, inputs)}};
+    json_["responses"] = std::move(list);
+  }
+
+  // Magnitude and phase [degrees] of the frozen frequency responses. The phase of a curve has no jumps of 360 degrees.
+  void frozen() {
+    json_["frozen"] = nullptr;
+    if (model_.inputs == 0 || model_.states() == 0) return;
+    plots_.frozen = frozen_responses(model_);
+    const FrozenResponses& found = plots_.frozen;
+    if (found.steps.empty()) return;
+    const Index outputs = std::min(model_.outputs, most_response_channels);
+    const Index inputs = std::min(model_.inputs, most_response_channels);
+    Json magnitude = Json::array(), phase = Json::array();
+    for (const std::vector<Eigen::MatrixXcd>& response : found.response) {
+      Json magnitudes = Json::array(), phases = Json::array();
+      for (Index i = 0; i < inputs; ++i)
+        for (Index j = 0; j < outputs; ++j) {
+          std::vector<double> sizes, angles;
+          double before = 0.0;
+          for (const Eigen::MatrixXcd& at : response) {
+            sizes.push_back(std::abs(at(j, i)));
+            double angle = std::arg(at(j, i)) * 180 / std::numbers::pi;
+            if (!angles.empty()) angle -= 360 * std::round((angle - before) / 360);
+            angles.push_back(before = angle);
+          }
+          magnitudes.push_back(rounded(sizes));
+          phases.push_back(rounded(angles));
+        }
+      magnitude.push_back(std::move(magnitudes));
+      phase.push_back(std::move(phases));
+    }
+    json_["frozen"] = {
+        {"steps", found.steps},
+        {"frequencies", rounded(std::vector<double>(found.frequencies.begin(), found.frequencies.end()))},
+        {"outputs", outputs},
+        {"magnitude", magnitude},
+        {"phase", phase}};
   }
 
   void whiteness() {

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "report/evidence.hpp"
+#include "report/responses.hpp"
 
 namespace tokid::report {
 
@@ -54,6 +55,7 @@ struct Plots {
   std::string json;
   std::vector<std::string> omitted;  // sentences on what the page does not show
   Framed frame;
+  FrozenResponses frozen;
   std::vector<Radius> radius;  // if finite: of the steps in the frame with as many states before as after
 };
 Plots plot_data(const Model& model, const Ensemble& data, const Evidence& found, const Verdict& verdict,

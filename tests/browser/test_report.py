@@ -11,7 +11,7 @@ from drawn import READABLE, coloured, of_colour, picture, positions, rgb, undraw
 from playwright.sync_api import expect
 
 TIME_PLOTS = {"outputs", "errors", "inputs", "order", "condition", "rank", "step", "radius", "gain", "a"}
-OTHER_PLOTS = {"poles", "whiteness", "inputs-lags", "experiments"}
+OTHER_PLOTS = {"poles", "whiteness", "inputs-lags", "experiments", "pulse", "step-response"}
 NASTY = ["</script><script>alert(1)</script>", "<img src=x onerror=alert(2)>", "\"quoted\" 'name' & co \\u003c 🛩",
          "a name of very great length " * 12]
 
@@ -265,6 +265,23 @@ def test_axes_over_time_are_in_seconds(visit, tokid, folder, typical):
         expect(page.locator("#legend-outputs")).to_contain_text(re.compile(r"step \d+$"))
 
 
+def test_responses_follow_their_controls(visit, typical):
+    with visit(typical) as page:
+        found = report_data(page)["responses"]
+        chosen = len(found["starts"]) // 2
+        label = page.evaluate("document.querySelector('#response-start').selectedOptions[0].textContent")
+        assert label.startswith(f"step {found['starts'][chosen]}, ")
+        assert values(page, "pulse", f"From {label}") == found["pulse"][chosen][0]
+        assert values(page, "step-response", f"From {label}") == found["step"][chosen][0]
+        page.select_option("#response-start", index=1)
+        page.select_option("#response-input", label="u2")
+        page.select_option("#response-output", label="y2")
+        label = page.evaluate("document.querySelector('#response-start').selectedOptions[0].textContent")
+        assert values(page, "pulse", f"From {label}") == found["pulse"][1][3]
+        x = page.evaluate("tokid.plots().find(p => p.name === 'pulse').x")
+        np.testing.assert_allclose(x, 0.05 * np.arange(found["length"]), atol=1e-12)
+
+
 def test_checks_are_listed_with_their_figures(visit, typical):
     with visit(typical) as page:
         rows = page.locator("#checks tbody tr")
@@ -282,6 +299,35 @@ def test_every_experiment_has_its_place_and_name(visit, typical):
         page.focus("#plot-experiments")
         page.keyboard.press("Home")
         expect(page.locator("#legend-experiments")).to_contain_text(f"experiment {found['row'][0]}")
+
+
+@pytest.mark.parametrize("width", [375, 1400])
+def test_frozen_responses(visit, tokid, folder, typical, screenshots, width):
+    """A slow constant system, so that frozen responses mean something."""
+    page_file = folder / "frozen.html"
+    if not page_file.exists():
+        rng = np.random.default_rng(5)
+        A = np.array([[0.97, 0.2, 0.0], [-0.2, 0.97, 0.0], [0.0, 0.0, 0.9]]) * 0.99
+        B, C = rng.standard_normal((3, 2)), rng.standard_normal((2, 3))
+        for name, seed in (("slow", 1), ("slow-fresh", 2)):
+            rng = np.random.default_rng(seed)
+            u = rng.standard_normal((16, 60, 2))
+            x, y = np.zeros((16, 3)), []
+            for k in range(60):
+                y.append(x @ C.T + 0.1 * rng.standard_normal((16, 2)))
+                x = x @ A.T + u[:, k] @ B.T
+            np.savez(folder / f"{name}.npz", u=u, y=np.stack(y, axis=1), dt=0.05, initial_state="zero",
+                     input_units=["N", "V"], output_units=["m", "rad"])
+        common = ["--no-refine", "--smoothing", "inf"]
+        tokid("identify", folder / "slow.npz", "-o", folder / "three.npz", "--states", 3, *common)
+        tokid("report", folder / "three.npz", folder / "slow-fresh.npz", "-o", page_file)
+    for scheme in ("light", "dark"):
+        with visit(page_file, width, color_scheme=scheme, device_scale_factor=2) as page:
+            assert not clipped(page)
+            assert set(colours(page)) == {f"plot-{name}" for name in TIME_PLOTS | OTHER_PLOTS | {"magnitude", "phase"}}
+            labels = {plot["name"]: [curve["label"] for curve in plot["curves"]] for plot in page.evaluate("tokid.plots()")}
+            assert not {("magnitude", label) for label in labels["magnitude"]} & set(undrawn(page))
+            page.screenshot(path=screenshots / f"report-frozen-{width}-{scheme}.png", full_page=True)
 
 
 def test_zoom_is_shared_and_can_be_undone(visit, typical):

@@ -359,6 +359,56 @@ def test_wrong_feedthrough_shows_at_lag_0_of_its_input(tokid, tmp_path):
     assert (before > 1).mean() < 0.05 and (after[1] > 1).mean() < 0.05
 
 
+def response(model, start, length, pulse):
+    """Outputs (length, output, input) after an input at one step, or from one step on."""
+    begin, inputs = int(model["k_begin"]), model["B"].shape[2]
+    x, y = np.zeros((model["A"].shape[2], inputs)), []
+    for k in range(start - begin, start - begin + length):
+        acts = k == start - begin or not pulse
+        y.append(model["C"][k] @ x + acts * model["D"][k])
+        x = model["A"][k] @ x + acts * model["B"][k]
+    return np.array(y)
+
+
+def test_plotted_responses_are_those_of_the_model(plotted):
+    model, _, page = plotted
+    found = page["responses"]
+    assert found["length"] == 15 and found["starts"][0] == model["k_begin"] and found["starts"][-1] == 15
+    assert len(found["starts"]) == 7
+    for kind in ("pulse", "step"):
+        for start, pairs in zip(found["starts"], found[kind]):
+            expected = response(model, start, 15, kind == "pulse").transpose(2, 1, 0).reshape(-1, 15)  # input, output
+            np.testing.assert_allclose(number(pairs), expected, rtol=5.1e-6, atol=1e-9 * np.abs(expected).max())
+
+
+def test_frozen_frequency_response(tokid, tmp_path):
+    """Of a constant system it is C (zI - A)^-1 B + D. Where the system turns fast, the page says why it has none."""
+    steps, dt, k = 40, 0.1, np.arange(40)
+    turn = np.array([[0.9, 0.3], [-0.3, 0.9]])
+    fast = np.array([[[0.9, 0.4 * (-1) ** i], [-0.4 * (-1) ** i, 0.5]] for i in k])
+    B, C, D = np.array([[1.0], [0.5]]), np.array([[1.0, 0.2]]), np.array([[0.1]])
+    u = np.random.default_rng(1).standard_normal((6, steps, 1))
+    for name, A in (("constant", np.tile(turn, (steps, 1, 1))), ("fast", fast)):
+        model = {"A": A, "B": np.tile(B, (steps, 1, 1)), "C": np.tile(C, (steps, 1, 1)), "D": np.tile(D, (steps, 1, 1)),
+                 "G": np.zeros((steps, 2, 1)), "k_begin": 0, "dt": dt, "initial_state": "zero",
+                 "frame": "raw", "state_dim": np.full(steps + 1, 2)}
+        np.savez(tmp_path / "model.npz", **model)
+        np.savez(tmp_path / "data.npz", u=u, y=simulate(model, u), dt=dt, initial_state="zero")
+        tokid("report", tmp_path / "model.npz", tmp_path / "data.npz", "-o", tmp_path / "page.html")
+        text, found = (tmp_path / "page.html").read_text(encoding="utf-8"), data_of(tmp_path / "page.html")["frozen"]
+        if name == "fast":
+            assert found is None and "would mean little" in text and "plot-magnitude" not in text
+            continue
+        frequencies = np.array(found["frequencies"])
+        assert frequencies[-1] == pytest.approx(np.pi / dt, rel=1e-5) and len(found["steps"]) > 3
+        expected = np.array([(C @ np.linalg.solve(np.exp(1j * w * dt) * np.eye(2) - turn, B) + D)[0, 0]
+                             for w in frequencies])
+        for magnitude, phase in zip(found["magnitude"], found["phase"]):
+            response = np.array(magnitude[0]) * np.exp(1j * np.deg2rad(phase[0]))
+            np.testing.assert_allclose(response, expected, rtol=1e-4)
+            assert np.abs(np.diff(phase[0])).max() < 180
+
+
 @pytest.mark.parametrize("output, complaint", [
     ("page.pdf", "extension '.pdf' found, one of .html, .htm needed to write a page"),
     ("missing/page.html", "does not exist"),

@@ -254,6 +254,7 @@ const tokid = (() => {
 
   function x_range(plot) {
     if (plot.shared) return view || full();
+    if (plot.x_log) return [plot.x[0], plot.x[plot.x.length - 1]];
     return plot.square ? [-plot.square, plot.square] : roomy(plot.x[0], plot.x[plot.x.length - 1]);
   }
 
@@ -272,7 +273,8 @@ const tokid = (() => {
   function decades(u, ticks) {
     const exponents = ticks.map(v => Math.log10(v)), whole = exponents.map(e => Math.abs(e - Math.round(e)) < 1e-6);
     const count = whole.filter(is => is).length, stride = Math.ceil(count / 6);
-    const shown = count < 3 ? v => [1, 2, 5].includes(Math.round(v / 10 ** Math.floor(Math.log10(v) + 1e-9)))
+    const near = (v, digit) => Math.abs(v / 10 ** Math.floor(Math.log10(v) + 1e-9) - digit) < 1e-6;
+    const shown = count < 3 ? v => [1, 2, 5].some(digit => near(v, digit))
                             : (v, i) => whole[i] && Math.round(exponents[i]) % stride === 0;
     return ticks.map((v, i) => shown(v, i) ? v : null);
   }
@@ -287,7 +289,7 @@ const tokid = (() => {
     const incrs = plot.square ? [0.5, 1, 2] : plot.incrs;
     const whole = plot.x.every(Number.isInteger) ? steps : undefined;
     const time = plot.shared ? {splits: time_ticks, values: (u, ticks) => ticks.map(k => tick(k * step_size)), label: timed ? "Time [s]" : "Step"}
-                             : {values: (u, ticks) => ticks.map(tick), label: plot.x_label};
+                             : {values: (u, ticks) => ticks.map(tick), label: plot.x_label, ...(plot.x_log ? {filter: decades} : {})};
     const label = plot.label ? cut(plot.label, Math.max(8, Math.floor((height_of(plot) - 38) / 6.8))) : null;
     return [
       {...look, ...lines({}), incrs: plot.square ? incrs : whole, size: below - 18, labelSize: 18, space: narrow() ? 48 : 64, ...time},
@@ -359,7 +361,7 @@ const tokid = (() => {
         bind: {dblclick: () => () => { if (plot.shared) set_view(null); return null; }},
         ...(plot.shared ? {sync: {key: sync.key, scales: ["x", null], filters: {pub: type => type === "mousemove" || type === "mouseleave"}}} : {})
       },
-      scales: {x: {time: false, range: () => x_range(plot)}, y: y_scale(plot)},
+      scales: {x: {time: false, ...(plot.x_log ? {distr: 3} : {}), range: () => x_range(plot)}, y: y_scale(plot)},
       axes: axes_of(plot),
       series: [{}, ...series_of(plot)],
       hooks: {
@@ -388,6 +390,7 @@ const tokid = (() => {
   //   shared: x are steps, and all such plots show one range of them; otherwise x_label names x
   //   where_of: a text on the point under the cursor
   //   stretch, step_of, stops, pick: the steps of a point that stands for several, and where the cursor stops
+  //   x_log: a logarithmic horizontal axis
   //   label, log, y_range, zero, scale, incrs, tick: the vertical axis
   //   bar, image, front: functions that draw into the legend, behind all else and before all else
   function add(plot) {

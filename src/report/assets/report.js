@@ -307,6 +307,58 @@
     draw_radius();
   }
 
+  // Responses to pulses and steps, and frozen frequency responses. The chosen step is strong, the others are faint.
+
+  const response_input = at("response-input"), response_output = at("response-output");
+
+  // Adds a plot of the curves of all steps.
+  function add_responses(plot, labels, curves, chosen) {
+    const faint = curves.map((values, s) => s === chosen ? null : {label: "", silent: true, colour: "--c-faint", values, width: 1}).filter(curve => curve);
+    if (faint.length) Object.assign(faint[0], {label: "Other steps", silent: false});
+    const strong = {label: labels[chosen], colour: "--c-blue", values: curves[chosen], width: 2.2};
+    add({...plot, curves: [...faint, strong]});
+  }
+
+  function draw_responses() {
+    const found = data.responses, chosen = Number(at("response-start").value);
+    const pair = Number(response_output.value) + found.outputs * Number(response_input.value);
+    const timed = data.dt_stated, x = [...Array(found.length).keys()].map(k => timed ? k * data.dt : k);
+    const labels = found.starts.map(start => `From ${time_of(start)}`);
+    for (const [name, kind] of [["pulse", "pulse"], ["step-response", "step"]]) {
+      add_responses({
+        name, tall: 230, x, x_label: timed ? "Time after the input [s]" : "Steps after the input", label: named(data.outputs[Number(response_output.value)]),
+        where_of: k => `${k} steps later`
+      }, labels, found[kind].map(pairs => pairs[pair]), chosen);
+    }
+  }
+
+  function draw_frozen() {
+    const found = data.frozen, chosen = Number(at("frozen-step").value);
+    const pair = Number(response_output.value) + found.outputs * Number(response_input.value);
+    const labels = found.steps.map(k => `At ${time_of(k)}`);
+    for (const [name, log] of [["magnitude", true], ["phase", false]])
+      add_responses({
+        name, log, tall: 230, x: found.frequencies, x_log: true, x_label: "Frequency [rad/s]",
+        where_of: i => `${short(found.frequencies[i])} rad/s, ${short(found.frequencies[i] / (2 * Math.PI))} Hz`
+      }, labels, found[name].map(pairs => pairs[pair]), chosen);
+  }
+
+  function setup_responses() {
+    const found = data.responses;
+    if (!found) return;
+    fill(response_input, data.inputs.slice(0, found.inputs).map(named), 0);
+    fill(response_output, data.outputs.slice(0, found.outputs).map(named), 0);
+    fill(at("response-start"), found.starts.map(time_of), Math.floor(found.starts.length / 2));
+    const draw = () => { draw_responses(); if (data.frozen) draw_frozen(); };
+    if (data.frozen) {
+      fill(at("frozen-step"), data.frozen.steps.map(time_of), Math.floor(data.frozen.steps.length / 2));
+      at("frozen-step").addEventListener("change", draw_frozen);
+    }
+    at("response-start").addEventListener("change", draw_responses);
+    for (const select of [response_input, response_output]) select.addEventListener("change", draw);
+    draw();
+  }
+
   // Correlations over the lag: a curve for each output, within a range about zero.
 
   const correlation_of = (values, j) => ({label: data.outputs[j].name, colour: palette[j % palette.length],
@@ -351,6 +403,7 @@
   setup_entries("gain", "G", data.gain, at("gain-row"));
   setup_entries("a", "A", data.A, at("a-row"));
   setup_poles();
+  setup_responses();
   draw_whiteness();
   setup_input_correlation();
 
