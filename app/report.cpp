@@ -8,9 +8,10 @@ namespace tokid::app {
 namespace {
 
 struct Call {
-  fs::path model, data, output;
+  fs::path model, data, output, identified;
   ReadOptions read;
   ReportOptions options;
+  int threads = 1;
 };
 
 void run(const Call& call) {
@@ -21,6 +22,15 @@ void run(const Call& call) {
   options.model_name = call.model.filename().string();
   options.data_name = call.data.filename().string();
   options.findings = remarks(model, data);
+  if (!call.identified.empty()) {
+    const Ensemble identified = load_data(model, call.identified, call.read);
+    ProgressBar bar(true);
+    ConfidenceOptions bounds;
+    bounds.execution.threads = call.threads;
+    bounds.execution.progress = bar.callback();
+    options.bands = about(call.identified, [&] { return response_bands(model, identified, bounds); });
+    append(options.findings, options.bands->findings);
+  }
   const ReportPage page = about(call.data, [&] { return report_page(model, data, options); });
   save_text(page.html, call.output);
 
@@ -47,6 +57,10 @@ void add_report(CLI::App& tool) {
                         1'000'000);
   command.number<Index>("--experiments", call->options.experiments, "N",
                         "Experiments in the plots, at most (default 24)", 1, 1000);
+  command.file(
+      "--bands", call->identified,
+      "Ensemble of the identification, for 95 % bands of the responses by a bootstrap: .npz, .h5, .mat or .csv");
+  command.threads(call->threads);
   command.runs([call] { run(*call); });
 }
 

@@ -713,6 +713,13 @@ TEST(Responses, StartWithinTheModelAndAreFewForManyChannels) {
     }
 }
 
+TEST(ReportPage, RefusesBandsOfAnotherSystem) {
+  const Model model = oscillator(20);
+  ReportOptions options;
+  options.bands = ResponseBands{};
+  EXPECT_THROW(report_page(model, noisy(5, 14, 20), options), std::invalid_argument);
+}
+
 TEST(ReportPage, TakesModelsOfEveryKind) {
   // States that come and go, one step, one experiment, no states.
   ExperimentOptions options;

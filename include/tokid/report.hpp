@@ -8,6 +8,7 @@
 
 #include "tokid/identify.hpp"
 #include "tokid/paper.hpp"
+#include "tokid/uncertainty.hpp"
 
 namespace tokid {
 
@@ -21,6 +22,20 @@ enum class Evaluation {
   training   // the training data
 };
 
+// Confidence bands of the pulse and step responses on a page.
+struct ResponseBands {
+  double level = 0.95;
+  Index replicates = 0;       // successful replicates of the bootstrap
+  std::vector<Index> starts;  // (S) the steps at which the inputs begin to act
+  Index length = 0;           // L: the outputs are those of the steps start … start+L-1
+  // (S) of (L × m·r): column j + m·i is output j for input i
+  std::vector<Matrix> pulse_lower, pulse_upper, step_lower, step_upper;
+  Findings findings;
+};
+// The bands of a model, by function_bounds(). `identified`: the ensemble of its identification.
+// \throws as function_bounds()
+ResponseBands response_bands(const Model& model, const Ensemble& identified, const ConfidenceOptions& options = {});
+
 struct ReportOptions {
   std::string model_name, data_name;  // names of the files, shown as text
   Evaluation evaluation = Evaluation::automatic;
@@ -30,6 +45,7 @@ struct ReportOptions {
   std::optional<InitialState> initial_state = {};  // as in PredictOptions
   Index experiments = 24;                          // most experiments in the plots; the fits use all of them
   Index points = 1200;                             // most points per curve: minimum and maximum of each stretch
+  std::optional<ResponseBands> bands = {};  // of this model; empty: the page has responses without bands
 };
 
 enum class Trust { good, look_closer, distrust };

@@ -11,9 +11,17 @@ namespace {
 
 using Path = std::filesystem::path;
 
-nb::any reported(const Model& model, const Ensemble& data, const std::optional<Path>& path,
-                 const ReportOptions& options) {
-  const Verdict verdict = without_gil([&] {
+// `identified`: the ensemble of the identification, for bands of the responses; null: no bands.
+nb::any reported(const Model& model, const Ensemble& data, const std::optional<Path>& path, ReportOptions options,
+                 const Ensemble* identified, int threads) {
+  Call call{nb::none()};
+  const Verdict verdict = call.run([&] {
+    if (identified) {
+      ConfidenceOptions bounds;
+      bounds.execution = call.execution(threads);
+      options.bands = response_bands(model, *identified, bounds);
+      append(options.findings, options.bands->findings);
+    }
     const ReportPage page = report_page(model, data, options);
     if (path) save_text(page.html, *path);
     return page.verdict;
@@ -57,7 +65,8 @@ void bind_report(nb::module_& module) {
       .def_rw("initial_state", &ReportOptions::initial_state, nb::for_setter(nb::arg().none()))
       .def_rw("experiments", &ReportOptions::experiments)
       .def_rw("points", &ReportOptions::points);
-  module.def("report", &reported, nb::arg("model"), nb::arg("data"), nb::arg("path").none(), nb::arg("options"));
+  module.def("report", &reported, nb::arg("model"), nb::arg("data"), nb::arg("path").none(), nb::arg("options"),
+             nb::arg("identified").none(), nb::arg("threads"));
   module.def("paper", &paper, nb::arg("directory").none(), nb::arg("seed"), nb::arg("threads"),
              nb::arg("listener").none());
 }

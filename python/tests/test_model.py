@@ -188,6 +188,19 @@ def test_report_has_the_checks_of_its_verdict(model, data):
     assert {"one_step_fit", "simulation_fit", "outliers", "coverage", "whiteness"} <= {c.name for c in verdict.checks}
 
 
+def test_report_with_bands(tmp_path):
+    noisy = {"steps": 24, "measurement_noise": 0.1}
+    training, fresh = (tokid.example("oscillator", experiments=30, seed=seed, **noisy) for seed in (1, 2))
+    model = tokid.identify(training, states=4, refine=False)
+    for bands in (training, (training.u, training.y)):
+        model.report(fresh, tmp_path / "page.html", bands=bands)
+        assert "The bands hold each value" in (tmp_path / "page.html").read_text()
+    model.report(fresh, tmp_path / "page.html")
+    assert "no confidence bands" in (tmp_path / "page.html").read_text()
+    with pytest.raises(ValueError, match="number of experiments|experiments"):
+        model.report(fresh, bands=fresh[:3])
+
+
 def test_markov_parameters(model, data):
     h = model.markov(4)
     assert h.shape == (30, 4, 2, 2)

@@ -802,6 +802,8 @@ class Model(StateSpace):
         initial_state: str = "auto",
         model_name: str = "model",
         data_name: str = "data",
+        bands: Union[tuple[ArrayLike, ArrayLike], Ensemble, None] = None,
+        threads: int = 1,
     ) -> Verdict:
         """Judge whether the model can be trusted, and write a self-contained HTML page about it.
 
@@ -819,6 +821,11 @@ class Model(StateSpace):
             States at step 0.
         model_name, data_name : str
             Names on the page.
+        bands : Ensemble or tuple (u, y), optional
+            The experiments of the identification. With them, the pulse and step responses on the page have 95 %
+            confidence bands by a bootstrap, as in `confidence`, which takes time.
+        threads : int, default 1
+            Threads of the bootstrap. 0: all of the machine.
 
         Returns
         -------
@@ -829,8 +836,12 @@ class Model(StateSpace):
         data, _ = self._data(u, y, outputs=True)
         options = _options.page(model_name, data_name, horizon, experiments)
         options.initial_state = _options.initial_state(initial_state)
+        identified = None
+        if bands is not None:
+            training_u, training_y = (bands, None) if isinstance(bands, Ensemble) else bands
+            identified, _ = self._data(training_u, training_y, outputs=True)
         with nullcontext() if path is None else writing(path) as file:
-            verdict: Verdict = _tokid.report(self._core, data, file, options)
+            verdict: Verdict = _tokid.report(self._core, data, file, options, identified, _options.threads(threads))
         return verdict
 
     def estimate_state(

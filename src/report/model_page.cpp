@@ -594,6 +594,15 @@ class Report {
                      choice("response-start", "Input acts from"));
     body += "<div class=\"two\"><div>" + plot_place("pulse", "Pulse response", "Pulse response") + "</div>\n<div>" +
             plot_place("step-response", "Step response", "Step response") + "</div></div>\n";
+    if (const std::optional<ResponseBands>& bands = options_.bands)
+      body +=
+          paragraph(fmt::format("The bands hold each value by itself with the probability {:.4g} %: {} of a bootstrap "
+                                "over the experiments of the identification.",
+                                100 * bands->level, plural(bands->replicates, "replicate")));
+    else
+      body += paragraph(
+          "The responses have no confidence bands: these need the experiments of the identification. "
+          "tokid report … --bands TRAINING computes them.");
     return section("responses", "Responses", body + response_table() + frozen_text());
   }
 

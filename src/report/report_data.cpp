@@ -509,7 +509,24 @@ class Collector {
               {"outputs", outputs},
               {"inputs", inputs},
               {"pulse", response_lists(found.pulse, outputs, inputs)},
-              {"step", response_lists(found.step, outputs, inputs)}};
+              {"step", response_lists(found.step, outputs, inputs)},
+              {"bands", nullptr}};
+    if (const std::optional<ResponseBands>& bands = options_.bands) {
+      const Index columns = model_.outputs * model_.inputs;
+      const auto fits = [&](const std::vector<Matrix>& all) {
+        return all.size() == found.starts.size() && std::all_of(all.begin(), all.end(), [&](const Matrix& values) {
+                 return values.rows() == found.length && values.cols() == columns;
+               });
+      };
+      if (bands->starts != found.starts || !fits(bands->pulse_lower) || !fits(bands->pulse_upper) ||
+          !fits(bands->step_lower) || !fits(bands->step_upper))
+        throw std::invalid_argument("bands: those of another model found, those of response_bands(model) needed");
+      list["bands"] = {{"level", bands->level},
+                       {"pulse_lower", response_lists(bands->pulse_lower, outputs, inputs)},
+                       {"pulse_upper", response_lists(bands->pulse_upper, outputs, inputs)},
+                       {"step_lower", response_lists(bands->step_lower, outputs, inputs)},
+                       {"step_upper", response_lists(bands->step_upper, outputs, inputs)}};
+    }
     json_["responses"] = std::move(list);
   }
 

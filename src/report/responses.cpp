@@ -10,7 +10,9 @@
 #include "model/continuation.hpp"
 #include "tokid/modes.hpp"
 
-namespace tokid::report {
+namespace tokid {
+
+namespace report {
 
 namespace {
 
@@ -99,4 +101,38 @@ FrozenResponses frozen_responses(const Model& model) {
   return result;
 }
 
-}  // namespace tokid::report
+}  // namespace report
+
+ResponseBands response_bands(const Model& model, const Ensemble& identified, const ConfidenceOptions& options) {
+  const std::vector<Index> starts = report::response_starts(model);
+  const Index length = report::response_length(model), size = length * model.outputs * model.inputs;
+  const Functional all = [&](const Model& other) {
+    const report::Responses found = report::responses(other, starts, length);
+    Vector values(2 * Index(starts.size()) * size);
+    Index at = 0;
+    for (const auto* kind : {&found.pulse, &found.step})
+      for (const Matrix& values_of_start : *kind) {
+        values.segment(at, size) = values_of_start.reshaped();
+        at += size;
+      }
+    return values;
+  };
+  FunctionBounds found = function_bounds(model, identified, all, options);
+  ResponseBands result;
+  result.level = options.level;
+  result.replicates = found.replicates;
+  result.starts = starts;
+  result.length = length;
+  result.findings = std::move(found.findings);
+  Index at = 0;
+  const auto next = [&](std::vector<Matrix>& lower, std::vector<Matrix>& upper) {
+    lower.emplace_back(found.interval.lower.reshaped().segment(at, size).reshaped(length, size / length));
+    upper.emplace_back(found.interval.upper.reshaped().segment(at, size).reshaped(length, size / length));
+    at += size;
+  };
+  for (size_t s = 0; s < starts.size(); ++s) next(result.pulse_lower, result.pulse_upper);
+  for (size_t s = 0; s < starts.size(); ++s) next(result.step_lower, result.step_upper);
+  return result;
+}
+
+}  // namespace tokid

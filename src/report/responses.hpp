@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "tokid/model.hpp"
+#include "tokid/report.hpp"
 
 namespace tokid::report {
 

@@ -278,6 +278,7 @@ def test_responses_follow_their_controls(visit, typical):
         page.select_option("#response-output", label="y2")
         label = page.evaluate("document.querySelector('#response-start').selectedOptions[0].textContent")
         assert values(page, "pulse", f"From {label}") == found["pulse"][1][3]
+        assert page.get_by_text("no confidence bands").is_visible()
         x = page.evaluate("tokid.plots().find(p => p.name === 'pulse').x")
         np.testing.assert_allclose(x, 0.05 * np.arange(found["length"]), atol=1e-12)
 
@@ -302,9 +303,9 @@ def test_every_experiment_has_its_place_and_name(visit, typical):
 
 
 @pytest.mark.parametrize("width", [375, 1400])
-def test_frozen_responses(visit, tokid, folder, typical, screenshots, width):
-    """A slow constant system, so that frozen responses mean something."""
-    page_file = folder / "frozen.html"
+def test_bands_and_frozen_responses(visit, tokid, folder, typical, screenshots, width):
+    """A slow constant system, so that frozen responses mean something, with bands."""
+    page_file = folder / "bands.html"
     if not page_file.exists():
         rng = np.random.default_rng(5)
         A = np.array([[0.97, 0.2, 0.0], [-0.2, 0.97, 0.0], [0.0, 0.0, 0.9]]) * 0.99
@@ -320,14 +321,15 @@ def test_frozen_responses(visit, tokid, folder, typical, screenshots, width):
                      input_units=["N", "V"], output_units=["m", "rad"])
         common = ["--no-refine", "--smoothing", "inf"]
         tokid("identify", folder / "slow.npz", "-o", folder / "three.npz", "--states", 3, *common)
-        tokid("report", folder / "three.npz", folder / "slow-fresh.npz", "-o", page_file)
+        tokid("report", folder / "three.npz", folder / "slow-fresh.npz", "-o", page_file, "--bands", folder / "slow.npz")
     for scheme in ("light", "dark"):
         with visit(page_file, width, color_scheme=scheme, device_scale_factor=2) as page:
             assert not clipped(page)
             assert set(colours(page)) == {f"plot-{name}" for name in TIME_PLOTS | OTHER_PLOTS | {"magnitude", "phase"}}
             labels = {plot["name"]: [curve["label"] for curve in plot["curves"]] for plot in page.evaluate("tokid.plots()")}
+            assert "95 % band from" in labels["pulse"]
             assert not {("magnitude", label) for label in labels["magnitude"]} & set(undrawn(page))
-            page.screenshot(path=screenshots / f"report-frozen-{width}-{scheme}.png", full_page=True)
+            page.screenshot(path=screenshots / f"report-bands-{width}-{scheme}.png", full_page=True)
 
 
 def test_zoom_is_shared_and_can_be_undone(visit, typical):

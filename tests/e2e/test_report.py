@@ -374,11 +374,40 @@ def test_plotted_responses_are_those_of_the_model(plotted):
     model, _, page = plotted
     found = page["responses"]
     assert found["length"] == 15 and found["starts"][0] == model["k_begin"] and found["starts"][-1] == 15
-    assert len(found["starts"]) == 7
+    assert len(found["starts"]) == 7 and found["bands"] is None
     for kind in ("pulse", "step"):
         for start, pairs in zip(found["starts"], found[kind]):
             expected = response(model, start, 15, kind == "pulse").transpose(2, 1, 0).reshape(-1, 15)  # input, output
             np.testing.assert_allclose(number(pairs), expected, rtol=5.1e-6, atol=1e-9 * np.abs(expected).max())
+
+
+def test_bands_of_the_responses(tokid, tmp_path):
+    """They hold the truth about as often as stated, and surround the responses of the model."""
+    noise = ["--steps", 24, "--measurement-noise", 0.1]
+    tokid("example", "oscillator", "-o", tmp_path / "data.npz", "--experiments", 40, *noise)
+    tokid("example", "oscillator", "-o", tmp_path / "fresh.npz", "--experiments", 5, "--seed", 2, *noise)
+    # Without noise, a model has the responses of the system.
+    tokid("example", "oscillator", "-o", tmp_path / "exact.npz", "--experiments", 40, "--steps", 24)
+    tokid("identify", tmp_path / "exact.npz", "-o", tmp_path / "truth.npz")
+    tokid("identify", tmp_path / "data.npz", "-o", tmp_path / "model.npz", "--no-refine")
+    page = tmp_path / "page.html"
+    tokid("report", tmp_path / "model.npz", tmp_path / "fresh.npz", "-o", page, "--bands", tmp_path / "data.npz")
+    found, truth = data_of(page)["responses"], load(tmp_path / "truth.npz")
+    assert found["bands"]["level"] == 0.95
+    for kind in ("pulse", "step"):
+        value = number(found[kind])
+        lower, upper = (number(found["bands"][f"{kind}_{side}"]) for side in ("lower", "upper"))
+        assert value.shape == lower.shape == upper.shape and (lower <= value).all() and (value <= upper).all()
+        expected = np.array([response(truth, start, found["length"], kind == "pulse").transpose(2, 1, 0).reshape(4, -1)
+                             for start in found["starts"]])
+        held = ((lower <= expected) & (expected <= upper)).mean()
+        assert 0.8 < held < 1
+    assert "The bands hold each value" in page.read_text(encoding="utf-8")
+    tokid("report", tmp_path / "model.npz", tmp_path / "fresh.npz", "-o", page)
+    assert "no confidence bands" in page.read_text(encoding="utf-8")
+    result = tokid("report", tmp_path / "model.npz", tmp_path / "fresh.npz", "-o", page, "--bands",
+                   tmp_path / "fresh.npz", status=2)
+    assert "fresh.npz" in result.stderr and result.stderr.count("\n") == 1
 
 
 def test_frozen_frequency_response(tokid, tmp_path):

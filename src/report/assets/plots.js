@@ -364,6 +364,7 @@ const tokid = (() => {
       scales: {x: {time: false, ...(plot.x_log ? {distr: 3} : {}), range: () => x_range(plot)}, y: y_scale(plot)},
       axes: axes_of(plot),
       series: [{}, ...series_of(plot)],
+      bands: (plot.bands || []).map(([upper, lower, name]) => ({series: [upper + 1, lower + 1], fill: `${colour(name)}2e`})),
       hooks: {
         setCursor: [() => show_values(plot)],
         setSelect: [u => {
@@ -391,6 +392,7 @@ const tokid = (() => {
   //   where_of: a text on the point under the cursor
   //   stretch, step_of, stops, pick: the steps of a point that stands for several, and where the cursor stops
   //   x_log: a logarithmic horizontal axis
+  //   bands [[upper, lower, colour]]: the area between two of the curves
   //   label, log, y_range, zero, scale, incrs, tick: the vertical axis
   //   bar, image, front: functions that draw into the legend, behind all else and before all else
   function add(plot) {

@@ -311,12 +311,13 @@
 
   const response_input = at("response-input"), response_output = at("response-output");
 
-  // Adds a plot of the curves of all steps.
-  function add_responses(plot, labels, curves, chosen) {
+  // Adds a plot of the curves of all steps. `band`: the lower and upper bounds of the chosen step.
+  function add_responses(plot, labels, curves, chosen, band) {
     const faint = curves.map((values, s) => s === chosen ? null : {label: "", silent: true, colour: "--c-faint", values, width: 1}).filter(curve => curve);
     if (faint.length) Object.assign(faint[0], {label: "Other steps", silent: false});
+    const edges = band ? [band[0], band[1]].map((values, i) => ({label: i ? "to" : `${short(100 * data.responses.bands.level)} % band from`, silent: false, colour: "--c-blue", values, width: 0.8, dash: [2, 3]})) : [];
     const strong = {label: labels[chosen], colour: "--c-blue", values: curves[chosen], width: 2.2};
-    add({...plot, curves: [...faint, strong]});
+    add({...plot, curves: [...faint, ...edges, strong], bands: band ? [[faint.length + 1, faint.length, "--c-blue"]] : []});
   }
 
   function draw_responses() {
@@ -325,10 +326,11 @@
     const timed = data.dt_stated, x = [...Array(found.length).keys()].map(k => timed ? k * data.dt : k);
     const labels = found.starts.map(start => `From ${time_of(start)}`);
     for (const [name, kind] of [["pulse", "pulse"], ["step-response", "step"]]) {
+      const band = found.bands && [found.bands[`${kind}_lower`][chosen][pair], found.bands[`${kind}_upper`][chosen][pair]];
       add_responses({
         name, tall: 230, x, x_label: timed ? "Time after the input [s]" : "Steps after the input", label: named(data.outputs[Number(response_output.value)]),
         where_of: k => `${k} steps later`
-      }, labels, found[kind].map(pairs => pairs[pair]), chosen);
+      }, labels, found[kind].map(pairs => pairs[pair]), chosen, band);
     }
   }
 
@@ -340,7 +342,7 @@
       add_responses({
         name, log, tall: 230, x: found.frequencies, x_log: true, x_label: "Frequency [rad/s]",
         where_of: i => `${short(found.frequencies[i])} rad/s, ${short(found.frequencies[i] / (2 * Math.PI))} Hz`
-      }, labels, found[name].map(pairs => pairs[pair]), chosen);
+      }, labels, found[name].map(pairs => pairs[pair]), chosen, null);
   }
 
   function setup_responses() {
