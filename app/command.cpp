@@ -34,6 +34,10 @@ void Command::file(const char* name, fs::path& target, const char* description) 
   described(parser_->add_option(name, target, description), "FILE");
 }
 
+void Command::files(const char* name, std::vector<fs::path>& targets, const char* description) {
+  described(parser_->add_option(name, targets, description), "FILE ...");
+}
+
 void Command::output(fs::path& target, const char* description, const char* type) {
   described(parser_->add_option("-o,--output", target, description), type)->required();
 }

@@ -49,7 +49,8 @@ class Command {
   void argument(const char* name, fs::path& file, const char* description);
   void argument(const char* name, std::vector<fs::path>& files, const char* description);  // one or more
   void file(const char* name, fs::path& target, const char* description);
-  void output(fs::path& target, const char* description, const char* type = "FILE");  // -o, required
+  void files(const char* name, std::vector<fs::path>& targets, const char* description);  // one or more, also repeated
+  void output(fs::path& target, const char* description, const char* type = "FILE");      // -o, required
   void columns(ReadOptions& options);  // --inputs and --outputs, the columns of a .csv
   void horizon(Index& target);
   void threads(int& target);

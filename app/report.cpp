@@ -9,6 +9,7 @@ namespace {
 
 struct Call {
   fs::path model, data, output, identified;
+  std::vector<fs::path> compare;
   ReadOptions read;
   ReportOptions options;
   int threads = 1;
@@ -22,6 +23,7 @@ void run(const Call& call) {
   options.model_name = call.model.filename().string();
   options.data_name = call.data.filename().string();
   options.findings = remarks(model, data);
+  for (const fs::path& other : call.compare) options.compare.push_back({other.filename().string(), load_model(other)});
   if (!call.identified.empty()) {
     const Ensemble identified = load_data(model, call.identified, call.read);
     ProgressBar bar(true);
@@ -57,6 +59,7 @@ void add_report(CLI::App& tool) {
                         1'000'000);
   command.number<Index>("--experiments", call->options.experiments, "N",
                         "Experiments in the plots, at most (default 24)", 1, 1000);
+  command.files("--compare", call->compare, "Other models of the same channels, to compare on the page");
   command.file(
       "--bands", call->identified,
       "Ensemble of the identification, for 95 % bands of the responses by a bootstrap: .npz, .h5, .mat or .csv");

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "report/evidence.hpp"
+#include "report/model_comparison.hpp"
 #include "report/origin.hpp"
 #include "report/page.hpp"
 #include "report/report_data.hpp"
@@ -713,11 +714,40 @@ TEST(Responses, StartWithinTheModelAndAreFewForManyChannels) {
     }
 }
 
-TEST(ReportPage, RefusesBandsOfAnotherSystem) {
+TEST(ReportPage, RefusesBandsAndModelsOfAnotherSystem) {
   const Model model = oscillator(20);
   ReportOptions options;
   options.bands = ResponseBands{};
   EXPECT_THROW(report_page(model, noisy(5, 14, 20), options), std::invalid_argument);
+  options.bands.reset();
+  options.compare = {{"other", random_system({2, 1, 2}, 20, 0.5, 3)}};
+  try {
+    report_page(model, noisy(5, 14, 20), options);
+    ADD_FAILURE() << "taken";
+  } catch (const std::invalid_argument& error) {
+    EXPECT_TRUE(contains(error.what(), "other")) << error.what();
+  }
+}
+
+// A model beside itself has its own fits, wherever the other one begins.
+TEST(ReportPage, ComparesModelsOverTheSameSamples) {
+  const Model model = oscillator(40), late = from_step(model, 9);
+  const Ensemble data = noisy(8, 50);
+  report::Tested tested = report::tested(model, data, {});
+  tested.options.compare = {{"itself", model}, {"late", late}};
+  const report::ModelComparison found = report::compare_models(model, data, tested);
+  ASSERT_EQ(found.models.size(), 3u);
+  EXPECT_GE(found.from, 9);
+  for (const auto kind :
+       {&report::ComparedModel::simulation, &report::ComparedModel::one_step, &report::ComparedModel::ahead}) {
+    const Fit own = found.models[0].*kind, same = found.models[1].*kind, other = found.models[2].*kind;
+    EXPECT_EQ(own.fit, same.fit);
+    EXPECT_EQ(own.samples, other.samples);
+    EXPECT_LE(own.samples, data.experiments() * (data.steps() - found.from));
+    EXPECT_GT(own.samples, 0);
+  }
+  tested.options.compare.clear();
+  EXPECT_TRUE(report::compare_models(model, data, tested).models.empty());
 }
 
 TEST(ReportPage, TakesModelsOfEveryKind) {

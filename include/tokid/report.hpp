@@ -36,6 +36,12 @@ struct ResponseBands {
 // \throws as function_bounds()
 ResponseBands response_bands(const Model& model, const Ensemble& identified, const ConfidenceOptions& options = {});
 
+// A model with the name that the page shows.
+struct NamedModel {
+  std::string name;
+  Model model;
+};
+
 struct ReportOptions {
   std::string model_name, data_name;  // names of the files, shown as text
   Evaluation evaluation = Evaluation::automatic;
@@ -45,6 +51,8 @@ struct ReportOptions {
   std::optional<InitialState> initial_state = {};  // as in PredictOptions
   Index experiments = 24;                          // most experiments in the plots; the fits use all of them
   Index points = 1200;                             // most points per curve: minimum and maximum of each stretch
+  // Other models of the same channels: the page has their fits over the same samples, and their curves.
+  std::vector<NamedModel> compare = {};
   std::optional<ResponseBands> bands = {};  // of this model; empty: the page has responses without bands
 };
 

@@ -10,6 +10,7 @@ function report(page, model, varargin)
 %   'horizon'             steps ahead of the multi-step fit (default 10)
 %   'experiments'         experiments in the plots, at most (default 24)
 %   'bands'               file of the experiments of the identification, for 95 % bands of the responses
+%   'compare'             file of another model, to compare on the page
 %   'inputs', 'outputs'   columns of a .csv
 %
 % Warnings have the identifier tokid:report; errors as in tokid.identify, and tokid:model.
@@ -17,7 +18,8 @@ function report(page, model, varargin)
 % SPDX-License-Identifier: BSD-3-Clause
 
 tokid.internal.need(nargin, 'page', 'model');
-known = {'horizon', 'value'; 'experiments', 'value'; 'bands', 'file'; 'inputs', 'list'; 'outputs', 'list'};
+known = {'horizon', 'value'; 'experiments', 'value'; 'bands', 'file'; 'compare', 'file'; 'inputs', 'list'; ...
+         'outputs', 'list'};
 [folder, clean] = tokid.internal.folder(); %#ok<ASGLU>
 [file, of_model] = tokid.internal.take_model(folder, model);
 [data, pairs, files] = tokid.internal.take_data(folder, true, varargin, model, {});

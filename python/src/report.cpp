@@ -57,6 +57,13 @@ nb::tuple paper(const std::optional<Path>& directory, std::uint64_t seed, int th
 }  // namespace
 
 void bind_report(nb::module_& module) {
+  nb::class_<NamedModel>(module, "NamedModel", "A model with its name on a page.")
+      .def(
+          "__init__",
+          [](NamedModel* self, std::string name, const Model& model) {
+            new (self) NamedModel{std::move(name), model};
+          },
+          nb::arg("name"), nb::arg("model"));
   nb::class_<ReportOptions>(module, "ReportOptions", "The options of a page, as the library has them.")
       .def(nb::init<>())
       .def_rw("model_name", &ReportOptions::model_name)
@@ -64,6 +71,7 @@ void bind_report(nb::module_& module) {
       .def_rw("horizon", &ReportOptions::horizon)
       .def_rw("initial_state", &ReportOptions::initial_state, nb::for_setter(nb::arg().none()))
       .def_rw("experiments", &ReportOptions::experiments)
+      .def_rw("compare", &ReportOptions::compare)
       .def_rw("points", &ReportOptions::points);
   module.def("report", &reported, nb::arg("model"), nb::arg("data"), nb::arg("path").none(), nb::arg("options"),
              nb::arg("identified").none(), nb::arg("threads"));

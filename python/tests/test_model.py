@@ -188,17 +188,20 @@ def test_report_has_the_checks_of_its_verdict(model, data):
     assert {"one_step_fit", "simulation_fit", "outliers", "coverage", "whiteness"} <= {c.name for c in verdict.checks}
 
 
-def test_report_with_bands(tmp_path):
+def test_report_with_bands_and_other_models(tmp_path):
     noisy = {"steps": 24, "measurement_noise": 0.1}
     training, fresh = (tokid.example("oscillator", experiments=30, seed=seed, **noisy) for seed in (1, 2))
-    model = tokid.identify(training, states=4, refine=False)
+    model, other = (tokid.identify(training, states=states, refine=False) for states in (4, 2))
     for bands in (training, (training.u, training.y)):
-        model.report(fresh, tmp_path / "page.html", bands=bands)
-        assert "The bands hold each value" in (tmp_path / "page.html").read_text()
+        model.report(fresh, tmp_path / "page.html", compare={"smaller <b>": other}, bands=bands)
+        page = (tmp_path / "page.html").read_text()
+        assert "smaller &lt;b&gt;" in page and "The bands hold each value" in page
     model.report(fresh, tmp_path / "page.html")
     assert "no confidence bands" in (tmp_path / "page.html").read_text()
     with pytest.raises(ValueError, match="number of experiments|experiments"):
         model.report(fresh, bands=fresh[:3])
+    with pytest.raises(ValueError, match="compare: 1 inputs and 1 outputs found in tube, the model has 2 and 2"):
+        model.report(fresh, compare={"tube": tokid.example_system("rotating-tube", steps=24)})
 
 
 def test_markov_parameters(model, data):

@@ -7,7 +7,7 @@ import copy
 import html
 import os
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Optional, Union, overload
@@ -802,6 +802,7 @@ class Model(StateSpace):
         initial_state: str = "auto",
         model_name: str = "model",
         data_name: str = "data",
+        compare: Optional[Mapping[str, Model]] = None,
         bands: Union[tuple[ArrayLike, ArrayLike], Ensemble, None] = None,
         threads: int = 1,
     ) -> Verdict:
@@ -821,6 +822,9 @@ class Model(StateSpace):
             States at step 0.
         model_name, data_name : str
             Names on the page.
+        compare : mapping from str to Model, optional
+            Other models of the same channels, with their names on the page: it has their fits over the same samples,
+            and their curves.
         bands : Ensemble or tuple (u, y), optional
             The experiments of the identification. With them, the pulse and step responses on the page have 95 %
             confidence bands by a bootstrap, as in `confidence`, which takes time.
@@ -836,6 +840,7 @@ class Model(StateSpace):
         data, _ = self._data(u, y, outputs=True)
         options = _options.page(model_name, data_name, horizon, experiments)
         options.initial_state = _options.initial_state(initial_state)
+        options.compare = [_tokid.NamedModel(str(name), other._core) for name, other in (compare or {}).items()]
         identified = None
         if bands is not None:
             training_u, training_y = (bands, None) if isinstance(bands, Ensemble) else bands

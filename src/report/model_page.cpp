@@ -82,14 +82,15 @@ std::string choice(std::string_view id, std::string_view label) {
 class Report {
  public:
   // `identified`: the identification that has just made the model; null for a model from a file.
-  Report(const Model& model, const Tested& tested, const Identification* identified)
+  Report(const Model& model, const Tested& tested, ModelComparison comparison, const Identification* identified)
       : model_(model),
         data_(tested.data),
         options_(tested.options),
         identified_(identified),
         found_(evidence(model, tested)),
         verdict_(verdict_of(model, found_, options_)),
-        plots_(plot_data(model, data_, found_, verdict_, options_)) {}
+        comparison_(std::move(comparison)),
+        plots_(plot_data(model, data_, found_, verdict_, comparison_, options_)) {}
 
   const Verdict& verdict() const { return verdict_; }
 
@@ -102,6 +103,7 @@ class Report {
                   {"checks", "Checks"},
                   {"setup", "Setup"},
                   {"fit", "Fit"},
+                  {"models", "Models"},
                   {"experiments", "Experiments"},
                   {"outputs", "Outputs"},
                   {"order", "Order"},
@@ -112,9 +114,11 @@ class Report {
                   {"whiteness", "Whiteness"},
                   {"inputs", "Inputs"},
                   {"notes", "Notes"}};
-    page.body = verdict_section() + checks_section() + setup_section() + fit_section() + experiments_section() +
-                outputs_section() + order_section() + regression_section() + pole_section() + responses_section() +
-                matrix_section() + whiteness_section() + input_correlation_section() + notes_section();
+    if (comparison_.models.empty()) std::erase_if(page.links, [](const Link& link) { return link.id == "models"; });
+    page.body = verdict_section() + checks_section() + setup_section() + fit_section() + comparison_section() +
+                experiments_section() + outputs_section() + order_section() + regression_section() + pole_section() +
+                responses_section() + matrix_section() + whiteness_section() + input_correlation_section() +
+                notes_section();
     page.data = plots_.json;
     page.script = assets::report_js();
     return document(page);
@@ -381,6 +385,43 @@ class Report {
         plot_place("errors", "Errors of simulation and prediction over the steps", "Errors") +
         plot_place("inputs", "Input over the steps", "Input");
     return section("outputs", "Outputs and inputs", body);
+  }
+
+  // The fits of all models over the same samples. The best simulation of each output is marked.
+  std::string comparison_section() const {
+    static constexpr const char* known[] = {"not recognised as those of its identification",
+                                            "held out from its identification", "those of its identification",
+                                            "in part those of its identification"};
+    if (comparison_.models.empty()) return "";
+    constexpr Index most = 24;
+    Table models({{"Model", Align::text}, {"States"}, {"These experiments are", Align::text}}, "Models", false);
+    for (const ComparedModel& one : comparison_.models)
+      models.row({words::quoted(one.name), fmt::format("{}", one.states), known[static_cast<size_t>(one.known)]});
+    Table table({{"Output", Align::text},
+                 {"Model", Align::text},
+                 {"Simulation"},
+                 {"One step"},
+                 {fmt::format("{} ahead", plural(comparison_.horizon, "step"))},
+                 {"Choice", Align::text}},
+                "Fits of all models", false);
+    for (Index j = 0; j < std::min(most, model_.outputs); ++j) {
+      double best = -std::numeric_limits<double>::infinity();
+      for (const ComparedModel& one : comparison_.models) best = std::fmax(best, one.simulation.fit(j));
+      for (const ComparedModel& one : comparison_.models) {
+        const bool is_best = one.simulation.fit(j) == best;
+        table.row({found_.names.output(j), words::quoted(one.name), percent(one.simulation.fit(j), 1),
+                   percent(one.one_step.fit(j), 1), percent(one.ahead.fit(j), 1), is_best ? "best simulation" : ""},
+                  is_best ? "chosen" : "");
+      }
+    }
+    return section(
+        "models", "Comparison of models",
+        paragraph(fmt::format(
+            "Fits from step {} on, over the samples that every model computes, so that they can be compared. "
+            "They can differ from the fits above, which begin where this model begins. A fit on the experiments "
+            "of a model's own identification flatters it.",
+            comparison_.from)) +
+            models.html() + table.html());
   }
 
   // All experiments, the worst first. The table has the worst ones, and those that a test marks.
@@ -788,6 +829,7 @@ class Report {
   const Identification* identified_;
   Evidence found_;
   Verdict verdict_;
+  ModelComparison comparison_;
   Plots plots_;
 };
 
@@ -797,8 +839,9 @@ class Report {
 
 namespace {
 
-ReportPage page_of(const Model& model, const report::Tested& tested, const Identification* identified) {
-  const report::Report report(model, tested, identified);
+ReportPage page_of(const Model& model, const report::Tested& tested, report::ModelComparison comparison,
+                   const Identification* identified) {
+  const report::Report report(model, tested, std::move(comparison), identified);
   return {report.verdict(), report.html()};
 }
 
@@ -820,18 +863,20 @@ ReportPage identification_page(const Identification& result, const Ensemble& dat
     rows = std::move(remaining.rows);
   }
   const Ensemble& used = all ? data : own;
-  if (!result.held_out && all) return page_of(result.model, report::tested(result.model, data, options), &result);
-  if (!result.held_out) return page_of(result.model, report::tested_part(data, own, rows, std::move(options)), &result);
+  if (!result.held_out && all) return page_of(result.model, report::tested(result.model, data, options), {}, &result);
+  if (!result.held_out)
+    return page_of(result.model, report::tested_part(data, own, rows, std::move(options)), {}, &result);
   Split parts = split(used, identified.hold_out, identified.period);
   for (Index& n : parts.held_out_rows) n = rows[size_t(n)];
   return page_of(
       result.model,
-      report::tested_part(data, std::move(parts.held_out), std::move(parts.held_out_rows), std::move(options)),
+      report::tested_part(data, std::move(parts.held_out), std::move(parts.held_out_rows), std::move(options)), {},
       &result);
 }
 
 ReportPage report_page(const Model& model, const Ensemble& data, const ReportOptions& options) {
-  return page_of(model, report::tested(model, data, options), nullptr);
+  const report::Tested tested = report::tested(model, data, options);
+  return page_of(model, tested, report::compare_models(model, data, tested), nullptr);
 }
 
 }  // namespace tokid

@@ -175,13 +175,21 @@ namespace {
 // Collects the data as JSON, and reports what is left out.
 class Collector {
  public:
-  Collector(const Model& model, const Ensemble& data, const Evidence& found, const ReportOptions& options)
-      : model_(model), data_(data), found_(found), options_(options), plots_{{}, {}, pole_frame(model), {}, {}} {}
+  Collector(const Model& model, const Ensemble& data, const Evidence& found, const ModelComparison& comparison,
+            const ReportOptions& options)
+      : model_(model),
+        data_(data),
+        found_(found),
+        comparison_(comparison),
+        options_(options),
+        plots_{{}, {}, pole_frame(model), {}, {}} {}
 
   Plots collect(const Verdict& verdict) {
     json_["dt"] = rounded(data_.dt);
     json_["dt_stated"] = data_.dt_stated;
     json_["steps"] = data_.steps();
+    json_["models"] = Json::array();
+    for (const ComparedModel& one : comparison_.models) json_["models"].push_back(words::quoted(one.name));
     json_["begin"] = model_.k_begin;
     json_["end"] = model_.k_end();
     const Channels& names = found_.names;
@@ -225,7 +233,8 @@ class Collector {
   }
 
   void traces() {
-    const Index curves = model_.inputs + 5 * model_.outputs;
+    const Index others = std::max<Index>(0, Index(comparison_.models.size()) - 1);
+    const Index curves = model_.inputs + (5 + others) * model_.outputs;
     // The number of experiments is limited so that each curve has enough points.
     const Index fair = std::min({data_.steps(), options_.points, Index{400}});
     Index most = std::min(options_.experiments, most_trace_numbers / std::max<Index>(1, curves * fair));
@@ -268,7 +277,11 @@ class Collector {
       return all(grid, m, [&](Index j, Index k) { return data_.y(n, k, j) - computed.y(n, k, j); });
     };
     const std::string& name = found_.experiment_names[size_t(n)];
-    return {{"label", label},
+    Json others = Json::array();  // the simulations of the other models
+    for (size_t i = 1; i < comparison_.models.size(); ++i)
+      others.push_back(all(grid, m, [&](Index j, Index k) { return comparison_.models[i].simulated.y(n, k, j); }));
+    return {{"others", others},
+            {"label", label},
             {"row", found_.rows[size_t(n)]},
             {"name", name.empty() ? Json() : Json(words::quoted(name))},
             {"u", all(grid, model_.inputs, [&](Index i, Index k) { return data_.u(n, k, i); })},
@@ -504,12 +517,19 @@ class Collector {
     const std::vector<Index> starts = response_starts(model_);
     const Index length = response_length(model_);
     const Responses found = report::responses(model_, starts, length);
+    Json others = Json::array();
+    for (const NamedModel& other : options_.compare) {
+      const Responses theirs = report::responses(other.model, starts, length);
+      others.push_back({{"pulse", response_lists(theirs.pulse, outputs, inputs)},
+                        {"step", response_lists(theirs.step, outputs, inputs)}});
+    }
     Json list{{"starts", found.starts},
               {"length", found.length},
               {"outputs", outputs},
               {"inputs", inputs},
               {"pulse", response_lists(found.pulse, outputs, inputs)},
               {"step", response_lists(found.step, outputs, inputs)},
+              {"others", others},
               {"bands", nullptr}};
     if (const std::optional<ResponseBands>& bands = options_.bands) {
       const Index columns = model_.outputs * model_.inputs;
@@ -629,6 +649,7 @@ class Collector {
   const Model& model_;
   const Ensemble& data_;
   const Evidence& found_;
+  const ModelComparison& comparison_;
   const ReportOptions& options_;
   Plots plots_;
   Json json_;
@@ -637,8 +658,8 @@ class Collector {
 }  // namespace
 
 Plots plot_data(const Model& model, const Ensemble& data, const Evidence& found, const Verdict& verdict,
-                const ReportOptions& options) {
-  return Collector(model, data, found, options).collect(verdict);
+                const ModelComparison& comparison, const ReportOptions& options) {
+  return Collector(model, data, found, comparison, options).collect(verdict);
 }
 
 }  // namespace tokid::report

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "report/evidence.hpp"
+#include "report/model_comparison.hpp"
 #include "report/responses.hpp"
 
 namespace tokid::report {
@@ -59,6 +60,6 @@ struct Plots {
   std::vector<Radius> radius;  // if finite: of the steps in the frame with as many states before as after
 };
 Plots plot_data(const Model& model, const Ensemble& data, const Evidence& found, const Verdict& verdict,
-                const ReportOptions& options);
+                const ModelComparison& comparison, const ReportOptions& options);
 
 }  // namespace tokid::report

@@ -303,9 +303,9 @@ def test_every_experiment_has_its_place_and_name(visit, typical):
 
 
 @pytest.mark.parametrize("width", [375, 1400])
-def test_bands_and_frozen_responses(visit, tokid, folder, typical, screenshots, width):
-    """A slow constant system, so that frozen responses mean something, with bands."""
-    page_file = folder / "bands.html"
+def test_bands_frozen_responses_and_other_models(visit, tokid, folder, typical, screenshots, width):
+    """A slow constant system, so that frozen responses mean something, beside two other models, with bands."""
+    page_file = folder / "compared.html"
     if not page_file.exists():
         rng = np.random.default_rng(5)
         A = np.array([[0.97, 0.2, 0.0], [-0.2, 0.97, 0.0], [0.0, 0.0, 0.9]]) * 0.99
@@ -321,15 +321,20 @@ def test_bands_and_frozen_responses(visit, tokid, folder, typical, screenshots, 
                      input_units=["N", "V"], output_units=["m", "rad"])
         common = ["--no-refine", "--smoothing", "inf"]
         tokid("identify", folder / "slow.npz", "-o", folder / "three.npz", "--states", 3, *common)
-        tokid("report", folder / "three.npz", folder / "slow-fresh.npz", "-o", page_file, "--bands", folder / "slow.npz")
+        tokid("identify", folder / "slow.npz", "-o", folder / "one.npz", "--states", 1, *common)
+        tokid("identify", folder / "slow.npz", "-o", folder / "two <b>.npz", "--states", 2, *common)
+        tokid("report", folder / "three.npz", folder / "slow-fresh.npz", "-o", page_file, "--bands", folder / "slow.npz",
+              "--compare", folder / "one.npz", "--compare", folder / "two <b>.npz")
     for scheme in ("light", "dark"):
         with visit(page_file, width, color_scheme=scheme, device_scale_factor=2) as page:
             assert not clipped(page)
             assert set(colours(page)) == {f"plot-{name}" for name in TIME_PLOTS | OTHER_PLOTS | {"magnitude", "phase"}}
             labels = {plot["name"]: [curve["label"] for curve in plot["curves"]] for plot in page.evaluate("tokid.plots()")}
-            assert "95 % band from" in labels["pulse"]
+            assert labels["outputs"][3:5] == ["Simulated by one.npz", "Simulated by two <b>.npz"]
+            assert labels["pulse"][-2:] == ["one.npz", "two <b>.npz"] and "95 % band from" in labels["pulse"]
+            assert page.locator("main script, main b:not(.tile b):not(.legend b)").count() == 0
             assert not {("magnitude", label) for label in labels["magnitude"]} & set(undrawn(page))
-            page.screenshot(path=screenshots / f"report-bands-{width}-{scheme}.png", full_page=True)
+            page.screenshot(path=screenshots / f"report-compared-{width}-{scheme}.png", full_page=True)
 
 
 def test_zoom_is_shared_and_can_be_undone(visit, typical):

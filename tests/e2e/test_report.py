@@ -7,7 +7,7 @@ import re
 
 import numpy as np
 import pytest
-from support import load, predict, simulate
+from support import fit, load, predict, simulate
 
 
 def data_of(page):
@@ -436,6 +436,56 @@ def test_frozen_frequency_response(tokid, tmp_path):
             response = np.array(magnitude[0]) * np.exp(1j * np.deg2rad(phase[0]))
             np.testing.assert_allclose(response, expected, rtol=1e-4)
             assert np.abs(np.diff(phase[0])).max() < 180
+
+
+def test_models_are_compared_over_the_same_samples(tokid, oscillator, tmp_path):
+    """A model that begins later, and one with another number of states."""
+    noise = ["--steps", 40, "--process-noise", 0.05, "--measurement-noise", 0.1]
+    tokid("example", "oscillator", "-o", tmp_path / "data.npz", "--experiments", 40, *noise)
+    tokid("example", "oscillator", "-o", tmp_path / "fresh.npz", "--experiments", 9, "--seed", 2, *noise)
+    for name, states in (("a.npz", 4), ("b <i>.npz", 2)):
+        tokid("identify", tmp_path / "data.npz", "-o", tmp_path / name, "--states", states, "--no-refine")
+    late = load(tmp_path / "a.npz")
+    np.savez(tmp_path / "late.npz", k_begin=6, initial_state="zero", dt=late["dt"], state_dim=late["state_dim"][6:],
+             **{key: late[key][6:] for key in "ABCDG"})
+    page = tmp_path / "page.html"
+    tokid("report", tmp_path / "a.npz", tmp_path / "fresh.npz", "-o", page, "--horizon", 3, "--compare",
+          tmp_path / "b <i>.npz", tmp_path / "late.npz")
+    data, found = load(tmp_path / "fresh.npz"), data_of(page)
+    assert found["models"] == ["a.npz", "b <i>.npz", "late.npz"] and "<i>" not in page.read_text().split("<script")[0]
+    shown = table_of(page, "Fits of all models")
+    assert [row[1] for row in shown] == found["models"] * 2
+    from_step = int(re.search(r"Fits from step (\d+) on", page.read_text()).group(1))
+    assert from_step >= 6
+    tested = data["y"][:, from_step:]
+    for name, rows in (("a.npz", shown[::3]), ("b <i>.npz", shown[1::3])):
+        model = load(tmp_path / name)
+        for column, computed in ((2, simulate(model, data["u"])), (3, predict(model, data["u"], data["y"])),
+                                 (4, predict(model, data["u"], data["y"], 3))):
+            expected = fit(tested, computed[:, from_step:])
+            np.testing.assert_allclose([float(row[column].split()[0].replace("−", "-")) for row in rows], expected, atol=0.11)
+    for j in range(2):
+        best = [row[5] for row in shown[3 * j:3 * j + 3]]
+        simulated = [float(row[2].split()[0].replace("−", "-")) for row in shown[3 * j:3 * j + 3]]
+        assert simulated[best.index("best simulation")] == max(simulated)
+    # The curves of the others lie beside those of the model.
+    other = load(tmp_path / "b <i>.npz")
+    simulated = simulate(other, data["u"])
+    for experiment in found["traces"]["experiments"]:
+        np.testing.assert_allclose(number(experiment["others"][0]).T, simulated[experiment["row"]], rtol=1e-5, atol=1e-9)
+    responses = found["responses"]
+    expected = response(other, responses["starts"][2], responses["length"], True).transpose(2, 1, 0).reshape(4, -1)
+    np.testing.assert_allclose(number(responses["others"][0]["pulse"][2]), expected, rtol=1e-5, atol=1e-9)
+    # What was seen in an identification is said.
+    tokid("report", tmp_path / "a.npz", tmp_path / "data.npz", "-o", page, "--compare", oscillator / "model.npz")
+    assert [row[2] for row in table_of(page, "Models")] == ["those of its identification",
+                                                            "not recognised as those of its identification"]
+    # Other channels
+    tokid("example", "rotating-tube", "-o", tmp_path / "tube.npz", "--experiments", 12, "--steps", 40)
+    tokid("identify", tmp_path / "tube.npz", "-o", tmp_path / "tube-model.npz", "--no-refine")
+    result = tokid("report", tmp_path / "a.npz", tmp_path / "fresh.npz", "-o", page, "--compare",
+                   tmp_path / "tube-model.npz", status=2)
+    assert "tube-model.npz" in result.stderr and "inputs" in result.stderr
 
 
 @pytest.mark.parametrize("output, complaint", [

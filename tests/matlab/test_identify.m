@@ -131,6 +131,9 @@ whole = tokid.identify(data, 'lags', 2, 'states', 4);
 near(tokid.simulate(updated, data), tokid.simulate(whole, data), 1e-9);
 tokid.report('fresh.html', model, later, 'experiments', 3, 'horizon', 4);
 assert(~isempty(strfind(fileread('fresh.html'), '<html'))); %#ok<STREMP>
+tokid.write('other.npz', whole);
+tokid.report('fresh.html', model, later, 'compare', 'other.npz');
+assert(~isempty(strfind(fileread('fresh.html'), 'other.npz'))); %#ok<STREMP>
 throws('tokid:input', 'extension', @() tokid.report('fresh.txt', model, later));
 end
 

@@ -3,6 +3,9 @@
 (() => {
   const {data, at, make, colour, palette, raised, short, time_of, add, remark, mark, set_view} = tokid;
   const dashes = [[], [6, 4], [2, 3], [9, 3, 2, 3]];
+  // The curves of the other models of a comparison.
+  const other_colours = ["--c-green", "--c-purple", "--c-pink", "--c-sky", "--c-yellow"];
+  const other_look = i => ({colour: other_colours[i % other_colours.length], dash: [[6, 3], [2, 2], [8, 3, 2, 3]][Math.floor(i / other_colours.length) % 3]});
   const named = channel => channel.unit ? `${channel.name} [${channel.unit}]` : channel.name;
 
   // Outputs, errors, inputs
@@ -29,6 +32,7 @@
       {label: "Simulated", colour: "--c-blue", values: of_output(e.simulated[j]), width: 2},
       {label: "One-step prediction", colour: "--c-orange", values: of_output(e.predicted[j]), width: 1.6, dash: [5, 3]}
     ];
+    e.others.forEach((values, i) => curves.push({label: `Simulated by ${data.models[i + 1]}`, ...other_look(i), values: of_output(values[j]), width: 1.6}));
     if (nominal && !departures) curves.push({label: "Nominal", colour: "--c-faint", values: nominal.y[j], width: 1.4, dash: [2, 3]});
     add({name: "outputs", shared: true, tall: 310, x, stretch: traces.stretch, curves, label: named(data.outputs[j])});
     add({name: "errors", shared: true, tall: 190, x, stretch: traces.stretch, label: named(data.outputs[j]), curves: [
@@ -312,12 +316,13 @@
   const response_input = at("response-input"), response_output = at("response-output");
 
   // Adds a plot of the curves of all steps. `band`: the lower and upper bounds of the chosen step.
-  function add_responses(plot, labels, curves, chosen, band) {
+  function add_responses(plot, labels, curves, chosen, band, others = []) {
     const faint = curves.map((values, s) => s === chosen ? null : {label: "", silent: true, colour: "--c-faint", values, width: 1}).filter(curve => curve);
     if (faint.length) Object.assign(faint[0], {label: "Other steps", silent: false});
     const edges = band ? [band[0], band[1]].map((values, i) => ({label: i ? "to" : `${short(100 * data.responses.bands.level)} % band from`, silent: false, colour: "--c-blue", values, width: 0.8, dash: [2, 3]})) : [];
     const strong = {label: labels[chosen], colour: "--c-blue", values: curves[chosen], width: 2.2};
-    add({...plot, curves: [...faint, ...edges, strong], bands: band ? [[faint.length + 1, faint.length, "--c-blue"]] : []});
+    const compared = others.map((values, i) => ({label: data.models[i + 1], ...other_look(i), values, width: 1.8}));
+    add({...plot, curves: [...faint, ...edges, strong, ...compared], bands: band ? [[faint.length + 1, faint.length, "--c-blue"]] : []});
   }
 
   function draw_responses() {
@@ -330,7 +335,7 @@
       add_responses({
         name, tall: 230, x, x_label: timed ? "Time after the input [s]" : "Steps after the input", label: named(data.outputs[Number(response_output.value)]),
         where_of: k => `${k} steps later`
-      }, labels, found[kind].map(pairs => pairs[pair]), chosen, band);
+      }, labels, found[kind].map(pairs => pairs[pair]), chosen, band, found.others.map(other => other[kind][chosen][pair]));
     }
   }
 
