@@ -20,8 +20,8 @@ from playwright.sync_api import sync_playwright
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 # Section of the report page → name of the picture
-SECTIONS = {"verdict": "report-verdict", "outputs": "report-outputs", "order": "report-order",
-            "poles": "report-eigenvalues"}
+SECTIONS = {"verdict": "report-verdict", "checks": "report-checks", "outputs": "report-outputs", "order": "report-order",
+            "poles": "report-eigenvalues", "responses": "report-responses"}
 
 
 def pages(tool, folder):
@@ -47,7 +47,7 @@ def main():
         folder = Path(name)
         pages(tool, folder)
         browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
-        page = browser.new_page(viewport={"width": 1000, "height": 900}, device_scale_factor=1.5, color_scheme="light")
+        page = browser.new_page(viewport={"width": 1000, "height": 1600}, device_scale_factor=1.5, color_scheme="light")
         page.goto((folder / "report.html").as_uri())
         page.evaluate("document.querySelector('nav').style.position = 'static'")  # else it lies over the pictures
         page.locator("#poles input[type=range]").evaluate(
