@@ -46,7 +46,9 @@ Matrix outputs_of(const Ensemble& run) {
 }
 
 Ensemble reference_of(const Model& model, const Call& call, const Ensemble& last) {
-  Ensemble wanted = load_data(model, call.reference, call.read);
+  ReadOptions read = call.read;
+  read.outputs_required = false;  // a whole output may be free
+  Ensemble wanted = load_data(model, call.reference, read);
   if (wanted.experiments() != 1)
     throw std::invalid_argument(
         fmt::format("{}: {} found, one needed", call.reference.string(), plural(wanted.experiments(), "experiment")));
