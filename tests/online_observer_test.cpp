@@ -312,6 +312,8 @@ TEST(OnlineObserver, RefusesWhatDoesNotFit) {
   EXPECT_EQ(observer.k(), 0);
   EXPECT_EQ(message([&] { observer.predict(Matrix::Ones(6, 1)); }),
             "inputs: steps 0 to 5 found, steps within 0 to 4 needed, which the model has");
+  EXPECT_EQ(message([&] { observer.predict(Matrix::Constant(2, 1, std::numeric_limits<double>::infinity())); }),
+            "inputs: an infinite value found, finite ones needed, or NaN for a missing input");
   EXPECT_NE(message([&] { observer.predict(Matrix::Ones(2, 2)); }).find("inputs: 2 x 2 found"), std::string::npos);
   for (Index k = 0; k < 5; ++k) observer.step(Vector::Ones(1), Vector::Ones(2));
   EXPECT_EQ(message([&] { observer.step(Vector::Ones(1), Vector::Ones(2)); }),

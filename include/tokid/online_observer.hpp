@@ -61,8 +61,9 @@ class OnlineObserver {
   Index states() const;                         // n_k; 0 before the model begins
 
   // ŷ_{k+h|k-1} (H × m) for h = 0 … H-1, from the inputs u_k … u_{k+H-1} (H × r) and the samples before step k. NaN
-  // where the state is not known.
-  // \throws std::invalid_argument for a wrong shape, or steps outside the model
+  // where the state is not known, and after a missing input (NaN). Not for several threads at once, because the states
+  // ahead are computed in memory of the observer.
+  // \throws std::invalid_argument for a wrong shape, an infinite input, or steps outside the model
   Matrix predict(const ConstMatrixRef& inputs) const;
   void predict(const ConstMatrixRef& inputs, Eigen::Ref<Matrix> outputs) const;  // the same without an allocation
 

@@ -334,6 +334,8 @@ void OnlineObserver::predict(const ConstMatrixRef& inputs, Eigen::Ref<Matrix> ou
     throw std::invalid_argument(fmt::format("inputs: {} x {} found with outputs {} x {}, H x {} and H x {} needed",
                                             inputs.rows(), inputs.cols(), outputs.rows(), outputs.cols(), model.inputs,
                                             model.outputs));
+  if (inputs.array().isInf().any())
+    throw std::invalid_argument("inputs: an infinite value found, finite ones needed, or NaN for a missing input");
   if (horizon > 0 && (c.k < model.k_begin || !has_step(model, c.k + horizon - 1)))
     throw std::invalid_argument(
         fmt::format("inputs: steps {} to {} found, steps within {} to {} needed, which the model has", c.k,
