@@ -216,6 +216,137 @@ std::string description(const Model& model, const Rows& rows, const Vector& star
   return text;
 }
 
+std::string checked_name(const DeployOptions& options) {
+  const std::string name = options.name.empty() ? "observer" : options.name;
+  if (!is_name(name)) throw std::invalid_argument(fmt::format("name: '{}' found, {} needed", name, name_rule));
+  return name;
+}
+
+// The state at the first step; nothing if the observer starts from zero because it is unknown.
+std::optional<Vector> checked_start(const Model& model, const DeployOptions& options) {
+  std::optional<Vector> known = observer::known_start(model, model.initial_state, true);
+  if (!known && !options.start_from_zero)
+    throw std::invalid_argument(fmt::format(
+        "model: an unknown initial state at step {} found, a known one or x0_mean needed. With start_from_zero the "
+        "observer starts from zero, and its first predictions are wrong",
+        model.k_begin));
+  return known;
+}
+
+double epsilon_of(const DeployOptions& options) {
+  return options.single_precision ? double(std::numeric_limits<float>::epsilon())
+                                  : std::numeric_limits<double>::epsilon();
+}
+
+// Does the controller use the last input?
+bool holds_inputs(const Controller* controller) { return controller && !controller->L.empty(); }
+
+// The numbers of the tables.
+struct Contents {
+  Blocks systems, covariances, nominals, laws;
+  std::vector<Index> states;  // before each step, and after the last
+  bool estimates = false;     // are the innovations of missing outputs estimated?
+};
+
+Contents contents_of(const Model& model, const Rows& rows, const Controller* controller, double epsilon) {
+  Contents contents;
+  contents.estimates = model.outputs > 1 && model.has(&Step::has_innovation_cov);
+  for (Index k = rows.begin; k < rows.end; ++k) {
+    const Step& step = step_at(model, k);
+    contents.systems.add(system_block(step));
+    contents.states.push_back(step.states());
+    if (contents.estimates) contents.covariances.add(covariance_block(step, k, epsilon));
+  }
+  contents.states.push_back(step_at(model, rows.end - 1).next_states());
+  for (Index k = 0; rows.nominal && k < rows.end; ++k) contents.nominals.add(nominal_block(model, k));
+  for (size_t s = 0; controller && s < controller->K.size(); ++s) contents.laws.add(law_block(*controller, s));
+  return contents;
+}
+
+// The largest number of states, at least one: C has no empty arrays.
+Index array_length(const Model& model) { return std::max<Index>(model.states(), 1); }
+
+Words words_of(const std::string& name, const Model& model, const DeployOptions& options, const Rows& rows,
+               const Vector& start) {
+  return {{"name", name},
+          {"guard", "TOKID_" + name + "_H"},  // as it is spelled, because C tells plant and Plant apart
+          {"file", options.header.empty() ? name + ".h" : options.header},
+          {"version", version},
+          {"real", options.single_precision ? "float" : "double"},
+          {"limit", options.single_precision ? "FLT" : "DBL"},
+          {"n", fmt::format("{}", array_length(model))},
+          {"states_n", fmt::format("{}", model.states())},
+          {"r", fmt::format("{}", model.inputs)},
+          {"m", fmt::format("{}", model.outputs)},
+          {"begin", fmt::format("{}u", rows.begin)},
+          {"end", fmt::format("{}u", rows.end)},
+          {"period", fmt::format("{}u", rows.period)},
+          {"n0", fmt::format("{}", start.size())}};
+}
+
+// Adds the tables, and the words by which the code finds its numbers in them.
+void place_tables(Tables& tables, Words& words, const Contents& contents, const Rows& rows,
+                  const Controller* controller) {
+  const std::string count =
+      tables.lookup("states_of", "number of states before each step, and after the last", contents.states, "@row@");
+  words["states"] = filled(count, {{"row", "step"}});
+  words["next_states"] = filled(count, {{"row", "(step + 1)"}});
+  words["system"] =
+      tables.place("systems", "of each step the rows of [C D], then those of [A B -G]", contents.systems, "step");
+  if (rows.nominal)
+    words["nominal"] =
+        tables.place("nominals", "of each step the nominal inputs, then the nominal outputs", contents.nominals, "row");
+  if (contents.estimates)
+    words["covariance"] = tables.place(
+        "covariances",
+        "of each step the standard deviations of the innovations, then the lower triangular root of their correlations",
+        contents.covariances, "step");
+  if (!controller) return;
+  words["law"] = tables.place("laws", law_comment(controller->feedforward.size() > 0, holds_inputs(controller)),
+                              contents.laws, "step");
+  words["control_begin"] = fmt::format("{}u", controller->begin);
+  words["control_end"] = fmt::format("{}u", controller->end());
+  words["control_first"] = fmt::format("{}", controller->begin);
+  words["control_last"] = fmt::format("{}", controller->end() - 1);
+}
+
+void count_sizes(DeployedCode& code, const Model& model, const DeployOptions& options, const Rows& rows,
+                 const Contents& contents, const Tables& tables, const Controller* controller) {
+  const Index size = options.single_precision ? 4 : 8, held = holds_inputs(controller) ? model.inputs : 0;
+  code.stored_steps = contents.systems.count();
+  code.table_bytes = tables.bytes();
+  code.state_bytes = size * (array_length(model) + held) + 8;
+  code.step = step_operations(model, rows.nominal);
+  code.step_missing = contents.estimates ? with_missing(code.step, model.outputs) : code.step;
+  if (controller) code.control = control_operations(*controller, rows.nominal);
+}
+
+// 20 (n + r + m) ε max(1, ‖C‖) with the largest absolute row sum ‖C‖. A prediction has n + r products, and a new state
+// n + r + m, each with an error of ε of the terms. If state errors decay by 5 % in each step, those of all steps sum up
+// to 1/(1 - 0.95) = 20 times the errors of one.
+double rounding_share(const Model& model, double epsilon) {
+  double norm = 1.0;
+  for (const Step& step : model.step)
+    if (step.C().size() > 0) norm = std::max(norm, step.C().cwiseAbs().rowwise().sum().maxCoeff());
+  return 20 * double(model.states() + model.inputs + model.outputs) * epsilon * norm;
+}
+
+// The words of the comment in the header.
+void describe_code(Words& words, const DeployedCode& code, const Model& model, const Rows& rows, const Vector& start,
+                   bool known, double epsilon) {
+  const Channels names = complete(model.names, model.inputs, model.outputs);
+  words["channels"] = channel_lines("u", names.input_names, names.input_units) +
+                      channel_lines("y", names.output_names, names.output_units);
+  words["description"] = description(model, rows, start, known);
+  words["stored"] = tokid::words::plural(code.stored_steps, "different step");
+  words["table_bytes"] = fmt::format("{}", code.table_bytes);
+  words["state_bytes"] = fmt::format("{}", code.state_bytes);
+  words["operations"] = in_words(code.step);
+  words["operations_missing"] = in_words(code.step_missing);
+  words["operations_control"] = in_words(code.control);
+  words["rounding"] = fmt::format("{:.1e}", rounding_share(model, epsilon));
+}
+
 }  // namespace
 
 }  // namespace c_code
@@ -228,104 +359,34 @@ std::string in_words(const Operations& count) {
 
 DeployedCode deploy(const Model& model, const DeployOptions& options, const Controller* controller) {
   using namespace tokid::c_code;
-  DeployedCode code;
-  code.name = options.name.empty() ? "observer" : options.name;
-  if (!is_name(code.name))
-    throw std::invalid_argument(fmt::format("name: '{}' found, {} needed", code.name, name_rule));
+  const std::string name = checked_name(options);
   const Rows rows = rows_of(model);
   check_model(model, rows);
   if (controller) {
     controller->check(model);
     check_nominal(*controller, model);
   }
-  const std::optional<Vector> known = observer::known_start(model, model.initial_state, true);
-  if (!known && !options.start_from_zero)
-    throw std::invalid_argument(fmt::format(
-        "model: an unknown initial state at step {} found, a known one or x0_mean needed. With start_from_zero the "
-        "observer starts from zero, and its first predictions are wrong",
-        model.k_begin));
+  const std::optional<Vector> known = checked_start(model, options);
   const Vector start = known ? *known : Vector::Zero(model.n(model.k_begin));
-  const bool held = controller && !controller->L.empty();
-  const Index r = model.inputs, m = model.outputs, largest = std::max<Index>(model.states(), 1);
-
-  Blocks systems, covariances, nominals, laws;
-  std::vector<Index> states;
-  const bool estimates = m > 1 && model.has(&Step::has_innovation_cov);
-  const double epsilon =
-      options.single_precision ? double(std::numeric_limits<float>::epsilon()) : std::numeric_limits<double>::epsilon();
-  for (Index k = rows.begin; k < rows.end; ++k) {
-    const Step& step = step_at(model, k);
-    systems.add(system_block(step));
-    states.push_back(step.states());
-    if (estimates) covariances.add(covariance_block(step, k, epsilon));
-  }
-  states.push_back(step_at(model, rows.end - 1).next_states());
-  for (Index k = 0; rows.nominal && k < rows.end; ++k) nominals.add(nominal_block(model, k));
-  for (size_t s = 0; controller && s < controller->K.size(); ++s) laws.add(law_block(*controller, s));
+  const Contents contents = contents_of(model, rows, controller, epsilon_of(options));
 
   Tables tables(options.single_precision);
-  Words words{{"name", code.name},
-              {"guard", "TOKID_" + code.name + "_H"},  // as it is spelled, because C tells plant and Plant apart
-              {"file", options.header.empty() ? code.name + ".h" : options.header},
-              {"version", version},
-              {"real", options.single_precision ? "float" : "double"},
-              {"limit", options.single_precision ? "FLT" : "DBL"},
-              {"n", fmt::format("{}", largest)},
-              {"states_n", fmt::format("{}", model.states())},
-              {"r", fmt::format("{}", r)},
-              {"m", fmt::format("{}", m)},
-              {"begin", fmt::format("{}u", rows.begin)},
-              {"end", fmt::format("{}u", rows.end)},
-              {"period", fmt::format("{}u", rows.period)},
-              {"n0", fmt::format("{}", start.size())}};
-  const std::string count =
-      tables.lookup("states_of", "number of states before each step, and after the last", states, "@row@");
-  words["states"] = filled(count, {{"row", "step"}});
-  words["next_states"] = filled(count, {{"row", "(step + 1)"}});
-  words["system"] = tables.place("systems", "of each step the rows of [C D], then those of [A B -G]", systems, "step");
-  if (rows.nominal)
-    words["nominal"] =
-        tables.place("nominals", "of each step the nominal inputs, then the nominal outputs", nominals, "row");
-  if (estimates)
-    words["covariance"] = tables.place(
-        "covariances",
-        "of each step the standard deviations of the innovations, then the lower triangular root of their correlations",
-        covariances, "step");
-  if (controller) {
-    words["law"] = tables.place("laws", law_comment(controller->feedforward.size() > 0, held), laws, "step");
-    words["control_begin"] = fmt::format("{}u", controller->begin);
-    words["control_end"] = fmt::format("{}u", controller->end());
-    words["control_first"] = fmt::format("{}", controller->begin);
-    words["control_last"] = fmt::format("{}", controller->end() - 1);
-  }
+  Words words = words_of(name, model, options, rows, start);
+  place_tables(tables, words, contents, rows, controller);
   if (!start.isZero(0)) tables.numbers("start", "state at the first step", {{start.begin(), start.end()}});
 
-  const Index size = options.single_precision ? 4 : 8;
-  code.stored_steps = systems.count();
-  code.table_bytes = tables.bytes();
-  code.state_bytes = size * (largest + (held ? r : 0)) + 8;
-  code.step = step_operations(model, rows.nominal);
-  code.step_missing = estimates ? with_missing(code.step, m) : code.step;
-  if (controller) code.control = control_operations(*controller, rows.nominal);
-
-  const Channels names = complete(model.names, r, m);
-  words["channels"] = channel_lines("u", names.input_names, names.input_units) +
-                      channel_lines("y", names.output_names, names.output_units);
-  words["description"] = description(model, rows, start, known.has_value());
-  words["stored"] = tokid::words::plural(code.stored_steps, "different step");
-  words["table_bytes"] = fmt::format("{}", code.table_bytes);
-  words["state_bytes"] = fmt::format("{}", code.state_bytes);
-  words["operations"] = in_words(code.step);
-  words["operations_missing"] = in_words(code.step_missing);
-  words["operations_control"] = in_words(code.control);
+  DeployedCode code;
+  code.name = name;
+  count_sizes(code, model, options, rows, contents, tables, controller);
+  describe_code(words, code, model, rows, start, known.has_value(), epsilon_of(options));
   words["tables"] = tables.text();
   const Features features{.nominal = rows.nominal,
-                          .estimates = estimates,
+                          .estimates = contents.estimates,
                           .begins = rows.begin > 0,
                           .period = rows.period > 0,
                           .start = !start.isZero(0),
                           .controller = controller != nullptr,
-                          .held = held,
+                          .held = holds_inputs(controller),
                           .feedforward = controller && controller->feedforward.size() > 0,
                           .control_later = controller && controller->begin > 0};
   code.header = header_text(words, features);

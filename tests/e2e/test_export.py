@@ -128,9 +128,9 @@ def grid():
 
 
 def test_random_models(tokid, tmp_path):
-    """Equal to the predictions of the tool, with missing outputs. The bounds are eps x number of products x size:
-    |A + G C| is below 1, so that the rounding errors of a step decay as the states do. A sum over its age is at most
-    1 / (1 - 0.95) = 20 steps' worth."""
+    """Equal to the predictions of the tool, with missing outputs, within the bound of docs/deploy.md and of the header: eps x
+    number of products x size. The observer's state error decays by at least 5 % in each step, so the sum of the rounding
+    errors of all steps is at most 1 / (1 - 0.95) = 20 steps' worth."""
     rng = np.random.default_rng(31)
     sizes = list(grid())
     count = int(os.environ.get("TOKID_EXPORT_MODELS", "24"))
@@ -168,11 +168,12 @@ def test_random_models(tokid, tmp_path):
                 error = np.nanmax(np.abs(found - expected))
                 worst[precision] = max(worst[precision], error / np.nanmax(np.abs(expected)))
                 relative[precision] = max(relative[precision], error / size / EPSILON[precision])
-                bound = 20 * (n + m + r) * EPSILON[precision] * size * max(1, np.abs(model["C"]).sum(-1).max())
-                assert error <= bound, (name, error, bound)
+                share = 20 * (n + m + r) * EPSILON[precision] * max(1, np.abs(model["C"]).sum(-1).max())
+                assert error <= share * size, (name, error, share)
+                assert f"max(1, |C|) = {share:.1e} times" in (tmp_path / f"{name}.h").read_text()
     print(f"\n{count} models, {compared} predictions: worst difference relative to the largest output {worst}, in eps "
           f"{relative}")
-    assert worst["double"] <= 1e-12 and worst["float"] <= 1e-4
+    assert worst["double"] <= 1e-12
     assert worst["float"] > 1e-9  # it is float
 
 
@@ -397,10 +398,10 @@ static bool operator>=(Counted a, double b) { return a.value >= b; }
 static bool operator<=(Counted a, double b) { return a.value <= b; }
 """
 COUNTS = r"""
-extern "C" void counts(int missing, int control, long *found) {
+extern "C" void counts(int missing, int control, long *found) { /* bit j of `missing`: output j is missing */
   counted_state state; Counted u[4] = {1, 2, 3, 4}, y[4] = {1, 2, 3, 4}, p[4], e[4];
   counted_init(&state);
-  for (int j = 0; j < missing; ++j) y[j] = NAN;
+  for (int j = 0; j < 4; ++j) if (missing >> j & 1) y[j] = NAN;
   for (int k = 0; k < 4; ++k) counted_step(&state, u, y, p, e);
   Counted::mul = Counted::add = Counted::div = 0;
   if (control) CONTROL; else counted_step(&state, u, y, p, e);
@@ -440,9 +441,9 @@ def test_operations_are_those_that_run(tokid, folder, n, m, r, nominal):
     plain, size = run(0)
     assert plain == report["operations"] and size > 0
     assert run(0, 1)[0] == report["operations_control"]
-    missing = [run(q)[0] for q in range(m)]
+    patterns = [run(pattern)[0] for pattern in range(2**m)]  # every set of missing outputs
     for name, most in report["operations_missing"].items():
-        assert max(count[name] for count in missing) == most
+        assert max(count[name] for count in patterns) == most
 
 
 def test_sizes_are_those_of_the_object(tokid, folder):
