@@ -26,11 +26,21 @@ known = {'window', 'value'; 'slow', 'value'; 'level', 'value'; 'replicates', 'va
 [file, files] = tokid.internal.take_model(folder, model);
 call = {'modes', file, '--json'};
 pairs = varargin;
-if ~isempty(pairs) && ~any(strcmp(pairs{1}, known(:, 1)))
+if ~isempty(pairs) && ~begins_with_option(pairs, known)
   [data, pairs, of_data] = tokid.internal.take_data(folder, true, pairs, model, {});
   call = [call, {'--confidence', data}];
   files = [files; of_data];
 end
 words = tokid.internal.options('modes', known, pairs, tokid.internal.data_fields());
 found = tokid.internal.decode(tokid.internal.call([call, words], folder, files), folder);
+end
+
+function yes = begins_with_option(pairs, known)
+% Names and values come in pairs, so a text before an even number of arguments is the name of a file. A text that begins
+% an even number of arguments is an option, known or misspelled.
+first = pairs{1};
+yes = ischar(first) || isa(first, 'string');
+if yes
+  yes = mod(numel(pairs), 2) == 0 || any(strcmp(tokid.internal.option_name(pairs, 1), known(:, 1)));
+end
 end

@@ -216,6 +216,13 @@ sure = tokid.modes(model, data, 'window', 4, 'replicates', 5, 'level', 0.9);
 near(sure.frequency, found.frequency, 1e-12);
 assert(sure.level == 0.9 && all(sure.frequency_lower(:) <= sure.frequency_upper(:)));
 throws('tokid:option', '--replicates requires --confidence', @() tokid.modes(model, 'replicates', 5));
+throws('tokid:option', 'option ''windw'' found', @() tokid.modes(model, 'windw', 4));
+throws('tokid:option', 'option ''windw'' found', @() tokid.modes(model, data, 'windw', 4));
+throws('tokid:option', 'option ''window'' has no value', @() tokid.modes(model, 'window'));
+file = 'data.npz';
+tokid.write(file, data);
+of_file = tokid.modes(model, file, 'window', 4, 'replicates', 5, 'level', 0.9);
+near(of_file.frequency_upper, sure.frequency_upper, 1e-12);
 end
 
 function case_plans()
