@@ -7,6 +7,10 @@ Prints one line for each oscillating mode of a plant: errors of natural frequenc
 all steps and ensembles at which the truth oscillates and `tokid modes` calls the mode valid, and the share of these
 whose 95 % intervals hold the truth. The true modes are those of the plant's own matrices, between two steps their mean.
 With --exact, the model is the truth in other coordinates, so that only the freezing errs.
+
+    bench/zoo/modal.py --write launch.npz
+
+Writes the experiments on the launch vehicle that docs/modes.md begins with.
 """
 
 import argparse
@@ -56,7 +60,8 @@ def write_exact(plant, path, seed):
 
 
 def compare(report, truth, jump):
-    """Rows of mode, step, frequency, errors of frequency and damping, and whether the intervals hold the truth."""
+    """Rows of mode, step, frequency, errors of frequency and damping, whether the intervals of both hold the truth, and the
+    half width of that of the frequency, relative to the frequency."""
     names = ("frequency", "damping", "poles_real", "poles_imag", "valid", "frequency_lower", "frequency_upper",
              "damping_lower", "damping_upper")
     part = {name: np.array(report[name], float) for name in names if name in report}
@@ -68,13 +73,14 @@ def compare(report, truth, jump):
         place = nearest(poles, wanted)
         for mode in np.flatnonzero((wanted.imag > 0.2 * np.abs(wanted)) & (np.abs(wanted) > 0.01)):
             j, w = place[mode], np.abs(wanted[mode])
-            damping, held = -wanted[mode].real / w, (np.nan, np.nan)
+            damping, held = -wanted[mode].real / w, (np.nan, np.nan, np.nan)
             if j < 0 or not part["valid"][i, j]:
                 rows.append((mode, step, w, np.nan, np.nan, *held))
                 continue
             if "frequency_lower" in part:
                 held = [part[f"{name}_lower"][i, j] <= right <= part[f"{name}_upper"][i, j]
                         for name, right in (("frequency", w), ("damping", damping))]
+                held.append((part["frequency_upper"][i, j] - part["frequency_lower"][i, j]) / 2 / w)
             rows.append((mode, step, w, part["frequency"][i, j] / w - 1, part["damping"][i, j] - damping, *held))
     return rows
 
@@ -94,9 +100,16 @@ def measure(tool, plant, condition, seed, truth, exact=False, replicates=0, opti
     return compare(report, truth, plant_of(plant).jump)
 
 
+def write_example(path):
+    """The experiments of docs/modes.md on the launch vehicle."""
+    condition = Condition()
+    make_data("launch", condition, truth_of("launch_vehicle", condition), path, nonlinear=False)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--tool", required=True, help="path of tokid")
+    parser.add_argument("--tool", help="path of tokid")
+    parser.add_argument("--write", metavar="FILE", help="write the experiments of docs/modes.md, and nothing else")
     parser.add_argument("--plants", default="|".join(PLANTS), help="regular expression of the names of plants")
     parser.add_argument("--experiments", type=int, default=40)
     parser.add_argument("--noise", choices=["low", "high"], default="low")
@@ -107,16 +120,20 @@ def main():
     parser.add_argument("--exact", action="store_true", help="the truth in other coordinates, without noise")
     parser.add_argument("--options", nargs="*", default=[], help="options of `tokid modes`, without their dashes")
     given = parser.parse_args()
+    if given.write:
+        return write_example(given.write)
+    if not given.tool:
+        parser.error("--tool: none found, the path of tokid needed")
 
     options = [f"--{word}" if i % 2 == 0 else word for i, word in enumerate(given.options)]
-    print(f"{'plant':16} {'rad/s':>6} {'valid':>6}   {'frequency [%]: median':>8}  95th  worst  in 2 %  held"
-          "   damping: median   95th  held")
+    print(f"{'plant':16} {'rad/s':>6} {'valid':>6}   {'frequency [%]: median':>8}  95th  worst  in 2 %  coverage"
+          "   damping: median   95th  coverage")
     for plant in [name for name in EVERY if re.fullmatch(given.plants, name)]:
         condition = Condition(experiments=given.experiments, noise=given.noise)
         truth, rows = true_poles(plant_of(plant)), []
         for seed in range(given.first, given.first + given.seeds):
             rows += measure(given.tool, plant, condition, seed, truth, given.exact, given.replicates, options)
-        rows = np.array([row for row in rows if row[1] >= given.from_step]).reshape(-1, 7)
+        rows = np.array([row for row in rows if row[1] >= given.from_step]).reshape(-1, 8)
         for mode in np.unique(rows[:, 0]):
             own = rows[rows[:, 0] == mode]
             valid = own[~np.isnan(own[:, 3])]
