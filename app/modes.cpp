@@ -24,6 +24,8 @@ struct Call {
 
 constexpr Index shown = 5;  // steps of the printed table, unless the user states steps
 
+constexpr double inexact = 1e-10;  // errors by rounding of multipliers that are worth a line
+
 // A conjugate pair is one mode.
 bool leads(const Modes& modes, Index k, Index i) { return !(modes.poles(k, i).imag() < 0); }
 
@@ -68,6 +70,25 @@ std::string with_width(double value, const Interval* interval, Index k, Index i,
   return fmt::format("{} ± {}", number(value * factor), number(width * factor));
 }
 
+void floquet_rows(Page& page, const Model& model, const Table& t) {
+  const Floquet found = floquet(model);
+  const Interval* rate = t.bounds ? &t.bounds->exponents_real : nullptr;
+  const Interval* turn = t.bounds ? &t.bounds->exponents_imag : nullptr;
+  std::vector<std::string> sizes, angles, rates, errors;
+  const double period = double(model.period) * model.dt;
+  for (Index i = 0; i < found.multipliers.size(); ++i) {
+    sizes.push_back(number(std::abs(found.multipliers(i))));
+    angles.push_back(with_width(found.exponents(i).imag(), turn, i, 0, period));
+    rates.push_back(with_width(found.exponents(i).real(), rate, i, 0, 1.0));
+    errors.push_back(number(found.error(i)));
+  }
+  page.row("Floquet", fmt::format("sizes of the multipliers over {} steps: {}", model.period, fmt::join(sizes, ", ")));
+  page.row("", fmt::format("arguments of the multipliers [rad]: {}", fmt::join(angles, ", ")));
+  page.row("", fmt::format("rates of growth [1/s]: {}", fmt::join(rates, ", ")));
+  if (found.error.maxCoeff() > inexact)
+    page.row("", fmt::format("relative errors of the multipliers by rounding: {}", fmt::join(errors, ", ")));
+}
+
 std::string report(const Call& call, const Model& model, const Table& t) {
   const Modes& modes = t.modes;
   Page page;
@@ -106,15 +127,7 @@ std::string report(const Call& call, const Model& model, const Table& t) {
   if (t.bounds) page.row("", "± of damping includes the variation: the error of freezing is about as large");
   if (unknown > 0)
     page.row("", fmt::format("at {}, a window of outputs does not determine the state", plural(unknown, "step")));
-  if (model.period > 1) {
-    const Eigen::VectorXcd multipliers = floquet_multipliers(model), exponents = floquet_exponents(model);
-    std::vector<std::string> sizes, rates;
-    for (const std::complex<double>& value : multipliers) sizes.push_back(number(std::abs(value)));
-    for (const std::complex<double>& value : exponents) rates.push_back(number(value.real()));
-    page.row("Floquet",
-             fmt::format("sizes of the multipliers over {} steps: {}", model.period, fmt::join(sizes, ", ")));
-    page.row("", fmt::format("rates of growth [1/s]: {}", fmt::join(rates, ", ")));
-  }
+  if (model.period > 1) floquet_rows(page, model, t);
   if (!call.output.empty()) page.row("Written", call.output.string());
   return page.text();
 }
@@ -165,12 +178,12 @@ Json json(const Call& call, const Model& model, const Table& t) {
     j["valid"].push_back(row);
   }
   if (model.period > 1) {
-    const Eigen::VectorXcd multipliers = floquet_multipliers(model);
-    j["multipliers_real"] = numbers(multipliers.real());
-    j["multipliers_imag"] = numbers(multipliers.imag());
-    const Eigen::VectorXcd exponents = floquet_exponents(model);
-    j["exponents_real"] = numbers(exponents.real());
-    j["exponents_imag"] = numbers(exponents.imag());
+    const Floquet found = floquet(model);
+    j["multipliers_real"] = numbers(found.multipliers.real());
+    j["multipliers_imag"] = numbers(found.multipliers.imag());
+    j["multipliers_error"] = numbers(found.error);
+    j["exponents_real"] = numbers(found.exponents.real());
+    j["exponents_imag"] = numbers(found.exponents.imag());
   }
   if (t.bounds) {
     j["level"] = t.bounds->level;
@@ -179,6 +192,12 @@ Json json(const Call& call, const Model& model, const Table& t) {
     j["frequency_upper"] = per_step(t.bounds->frequency.upper);
     j["damping_lower"] = per_step(t.bounds->damping.lower);
     j["damping_upper"] = per_step(t.bounds->damping.upper);
+    if (model.period > 1) {
+      j["exponents_real_lower"] = numbers(t.bounds->exponents_real.lower.col(0));
+      j["exponents_real_upper"] = numbers(t.bounds->exponents_real.upper.col(0));
+      j["exponents_imag_lower"] = numbers(t.bounds->exponents_imag.lower.col(0));
+      j["exponents_imag_upper"] = numbers(t.bounds->exponents_imag.upper.col(0));
+    }
   }
   add_findings(j, t.bounds ? t.bounds->findings : Findings());
   return j;

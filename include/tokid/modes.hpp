@@ -69,29 +69,46 @@ Matrix damping_ratios(const Modes& modes);       // (S × n) -Re s/|s|; NaN for 
 // that is time-invariant.
 // \throws std::invalid_argument as modes(), and for a step without modes or without the whole state in the window
 Model frozen_system(const Model& model, Index k, const ModesOptions& options = {});
+// The frozen systems of several steps. What they have in common is computed once. \throws as frozen_system()
+std::vector<Model> frozen_systems(const Model& model, const std::vector<Index>& steps,
+                                  const ModesOptions& options = {});
 
 // C (e^{iω dt} I - A)⁻¹ B + D (m × r) of a time-invariant step at each frequency ω [rad/s]. Infinite or very large at a
 // pole. \throws std::invalid_argument unless A is square
 std::vector<Eigen::MatrixXcd> frequency_response(const Step& system, double dt, const Vector& frequencies);
 
-// (n) eigenvalues of A_{k+P-1} … A_k of a periodic model, in decreasing size. They are the same for each k and in all
-// coordinates, and say exactly how the state grows over a period, at any speed of variation. The product is never
-// formed, so that small multipliers keep their digits beside large ones. Infinite or zero outside the range of numbers;
-// the exponents are then still right. \throws std::invalid_argument without a period
+// The eigenvalues of A_{k+P-1} … A_k of a periodic model. They are the same for each k and in all coordinates, and say
+// exactly how the state grows over a period, at any speed of variation. Orthogonal iteration separates them. Only
+// products within a block of similar multipliers are formed, so small multipliers keep their digits beside large ones.
+struct Floquet {
+  Eigen::VectorXcd multipliers;  // (n) in decreasing size; infinite or zero outside the range of numbers
+  // (n) log(multiplier)/(P dt) [1/s]: rates of growth, and frequencies between ±π/(P dt). Right outside the range of
+  // numbers, too. The real part is -infinity for a multiplier of zero.
+  Eigen::VectorXcd exponents;
+  // (n) relative errors of the multipliers by rounding, from ε to 1: the differences from those of the transposed
+  // matrices in reverse order, which are equal but have other rounding errors. They also show if the iteration ended
+  // before the multipliers were separate.
+  Vector error;
+};
+// \throws std::invalid_argument without a period
+Floquet floquet(const Model& model);
+// The multipliers and the exponents of floquet() without their errors, which takes half of the time.
 Eigen::VectorXcd floquet_multipliers(const Model& model);
-// (n) log(multiplier)/(P dt) [1/s], in the same order: rates of growth, and frequencies between ±π/(P dt). The real
-// part is -infinity for a multiplier of zero.
 Eigen::VectorXcd floquet_exponents(const Model& model);
 
-// Bounds of frequencies and damping ratios, by function_bounds(). The modes of replicates are those with the nearest
-// poles. The intervals include the error of freezing the time that grows with the window, as far as it exceeds its
-// standard error: the change with half the window, or with twice, shows it. They are infinite if the model is too short
-// for twice the window. Damping ratios are between -1 and 1. They err in first order of the variation v: the decay of
-// velocities differs by v from that of positions. Their intervals therefore include v (1-ζ²).
+// Bounds of frequencies and damping ratios, by function_bounds(). A mode of a replicate is the one with the
+// nearest pole. The intervals include the error of freezing the time that grows with the window, as far as it exceeds
+// its standard error: the change with half the window, or with twice, shows it. They are infinite if the model is too
+// short for twice the window. Damping ratios are between -1 and 1. They err in first order of the variation v: the
+// decay of velocities differs by v from that of positions. Their intervals therefore include v (1-ζ²).
 struct ModeBounds {
   Modes modes;
   Interval frequency;  // (S × n) [rad/s]
   Interval damping;    // (S × n)
+  // (n × 1) [1/s] parts of the Floquet exponents; empty without a period. The parts of a replicate are those of its
+  // nearest multipliers. Imaginary parts may exceed ±π/(P dt), where a branch of the logarithm ends. NaN for a
+  // multiplier of zero.
+  Interval exponents_real, exponents_imag;
   double level = 0.95;
   Index replicates = 0;  // successful
   Findings findings;

@@ -8,8 +8,9 @@ function found = modes(model, varargin)
 % The data are those of the identification, all of them; see tokid.ensemble. The struct has the fields of
 % 'tokid modes --json': frequency [rad/s], damping, poles_real and poles_imag [1/s], variation, window_change and valid
 % are S x n, the first row is that of step `begin`. Columns follow modes; a conjugate pair has two columns. With data,
-% there are frequency_lower, frequency_upper, damping_lower and damping_upper. docs/modes.md says how far to trust
-% frozen modes. Options:
+% there are frequency_lower, frequency_upper, damping_lower and damping_upper. A periodic model has Floquet multipliers,
+% multipliers_real, multipliers_imag and multipliers_error, and exponents_real and exponents_imag [1/s]; with data also
+% exponents_real_lower and so on. docs/modes.md says how far to trust frozen modes. Options:
 %   'window'      even number of steps whose outputs define the states, or 'auto'
 %   'slow'        largest variation of a valid mode (default 0.1)
 %   'level', 'replicates', 'seed'   of the intervals

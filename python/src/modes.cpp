@@ -56,25 +56,36 @@ nb::any object_of(const Modes& m, const Model& model, const std::optional<ModeBo
   const auto list = [](const Eigen::VectorXcd& values) {
     return nb::object(table(Eigen::MatrixXcd(values.transpose())).attr("ravel")());
   };
-  const nb::object multipliers = model.period > 0 ? list(floquet_multipliers(model)) : none;
-  const nb::object exponents = model.period > 0 ? list(floquet_exponents(model)) : none;
-  return make("Modes", {{"begin", m.begin},
-                        {"dt", m.dt},
-                        {"window", m.window},
-                        {"slow", m.slow},
-                        {"poles", table(m.poles)},
-                        {"frequency", table(natural_frequencies(m))},
-                        {"damping", table(damping_ratios(m))},
-                        {"shapes", shapes_of(m, model.outputs)},
-                        {"variation", table(m.variation)},
-                        {"window_change", table(m.window_change)},
-                        {"valid", nb::object(table(valid).attr("astype")("bool"))},
-                        {"multipliers", multipliers},
-                        {"exponents", exponents},
-                        {"level", bounds ? nb::cast(bounds->level) : none},
-                        {"frequency_bounds", bounds ? nb::object(interval_of(bounds->frequency)) : none},
-                        {"damping_bounds", bounds ? nb::object(interval_of(bounds->damping)) : none},
-                        {"findings", nb::object(list_of(bounds ? bounds->findings : Findings()))}});
+  const auto column = [](const Interval& all) {
+    const auto flat = [](const Matrix& values) { return nb::object(table(values).attr("ravel")()); };
+    return make("Interval", {{"estimate", flat(all.estimate)},
+                             {"deviation", flat(all.deviation)},
+                             {"lower", flat(all.lower)},
+                             {"upper", flat(all.upper)}});
+  };
+  const bool repeats = model.period > 0;
+  const Floquet of_period = repeats ? floquet(model) : Floquet();
+  return make("Modes",
+              {{"begin", m.begin},
+               {"dt", m.dt},
+               {"window", m.window},
+               {"slow", m.slow},
+               {"poles", table(m.poles)},
+               {"frequency", table(natural_frequencies(m))},
+               {"damping", table(damping_ratios(m))},
+               {"shapes", shapes_of(m, model.outputs)},
+               {"variation", table(m.variation)},
+               {"window_change", table(m.window_change)},
+               {"valid", nb::object(table(valid).attr("astype")("bool"))},
+               {"multipliers", repeats ? list(of_period.multipliers) : none},
+               {"multipliers_error", repeats ? nb::object(list(of_period.error.cast<Complex>()).attr("real")) : none},
+               {"exponents", repeats ? list(of_period.exponents) : none},
+               {"level", bounds ? nb::cast(bounds->level) : none},
+               {"frequency_bounds", bounds ? nb::object(interval_of(bounds->frequency)) : none},
+               {"damping_bounds", bounds ? nb::object(interval_of(bounds->damping)) : none},
+               {"exponents_real_bounds", bounds && repeats ? nb::object(column(bounds->exponents_real)) : none},
+               {"exponents_imag_bounds", bounds && repeats ? nb::object(column(bounds->exponents_imag)) : none},
+               {"findings", nb::object(list_of(bounds ? bounds->findings : Findings()))}});
 }
 
 nb::any modes_of_model(const Model& model, const Ensemble* data, Index window, double slow, double level,
@@ -126,11 +137,13 @@ void bind_modes(nb::module_& module) {
              nb::kw_only(), nb::arg("level"), nb::arg("replicates"), nb::arg("seed"), nb::arg("threads"),
              nb::arg("listener").none());
   module.def(
-      "frozen_system",
-      [](const Model& model, Index step, Index window) {
-        return frozen_system(model, step, {window, 0.1, {}});
+      "frozen_systems",
+      [](const Model& model, const std::vector<Index>& steps, Index window) {
+        nb::list result;
+        for (Model& frozen : frozen_systems(model, steps, {window, 0.1, {}})) result.append(std::move(frozen));
+        return result;
       },
-      nb::arg("model"), nb::arg("step"), nb::arg("window"));
+      nb::arg("model"), nb::arg("steps"), nb::arg("window"));
   module.def(
       "frequency_response",
       [](const Model& model, Index step, const AnyArray& frequencies) -> nb::any {

@@ -7,7 +7,7 @@ import copy
 import html
 import os
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Optional, Union, overload
@@ -720,11 +720,21 @@ class Model(StateSpace):
         window : int or "auto"
             As in `modes`.
         """
-        return Model._of(
-            _tokid.frozen_system(
-                self._core, _options.integer("step", step, 0), window=_options.count_or_auto("window", window)
-            )
-        )
+        return self.frozen_models([step], window=window)[0]
+
+    def frozen_models(self, steps: Iterable[int], *, window: Union[int, str] = "auto") -> list[Model]:
+        """Return the models of `frozen` at several steps. What they have in common is computed once.
+
+        Parameters
+        ----------
+        steps : iterable of int
+            The steps.
+        window : int or "auto"
+            As in `modes`.
+        """
+        wanted = [_options.integer("step", step, 0) for step in steps]
+        found = _tokid.frozen_systems(self._core, wanted, window=_options.count_or_auto("window", window))
+        return [Model._of(core) for core in found]
 
     def frequency_response(
         self, frequencies: ArrayLike, step: int, *, window: Union[int, str] = "auto"

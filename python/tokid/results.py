@@ -1175,12 +1175,16 @@ class Modes(_Found):
         False: the frozen mode describes the motion poorly.
     multipliers : ndarray of complex, shape (n,), or None
         Floquet multipliers of a periodic model.
+    multipliers_error : ndarray, shape (n,), or None
+        Relative errors of the multipliers by rounding, from 2.2e-16 to 1.
     exponents : ndarray of complex, shape (n,), or None
         Floquet exponents log(multipliers)/(P dt) [1/s]; also where multipliers leave the range of numbers.
     level : float or None
         Probability that an interval contains the true value.
     frequency_bounds, damping_bounds : Interval of shape (S, n), or None
         Intervals; only with data.
+    exponents_real_bounds, exponents_imag_bounds : Interval of shape (n,), or None
+        Intervals of the parts of the exponents; only with data and for a periodic model. NaN for a multiplier of zero.
     findings : list of Finding
     """
 
@@ -1196,10 +1200,13 @@ class Modes(_Found):
     window_change: Array
     valid: npt.NDArray[np.bool_]
     multipliers: Optional[ComplexArray]
+    multipliers_error: Optional[Array]
     exponents: Optional[ComplexArray]
     level: Optional[float]
     frequency_bounds: Optional[Interval]
     damping_bounds: Optional[Interval]
+    exponents_real_bounds: Optional[Interval]
+    exponents_imag_bounds: Optional[Interval]
     findings: list[Finding]
 
     @property

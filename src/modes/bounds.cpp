@@ -1,11 +1,15 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
 #include <cmath>
+#include <complex>
 #include <limits>
+#include <numbers>
+#include <vector>
 
 #include "base/nan.hpp"
 #include "modes/frozen.hpp"
 #include "modes/spectra.hpp"
+#include "modes/tracks.hpp"
 #include "tokid/modes.hpp"
 #include "uncertainty/interval.hpp"
 
@@ -17,8 +21,8 @@ constexpr Index freezing_reach = 2;  // steps on either side over which the erro
 
 // For each step: n frequencies, n damping ratios, and the 2n errors of freezing the time. The error grows with the
 // square of the window. The change with another window is therefore a known multiple of it.
-constexpr Index parts = 4;
-Vector values(const Eigen::MatrixXcd& poles, const Eigen::MatrixXcd& others, double ratio) {
+constexpr Index frozen_parts = 4;
+Matrix frozen_values(const Eigen::MatrixXcd& poles, const Eigen::MatrixXcd& others, double ratio) {
   Modes found, other;
   found.poles = poles;
   other.poles = others;
@@ -27,19 +31,53 @@ Vector values(const Eigen::MatrixXcd& poles, const Eigen::MatrixXcd& others, dou
   const Matrix frequency = natural_frequencies(found), damping = damping_ratios(found),
                frequency_error = (natural_frequencies(other) - frequency) / share,
                damping_error = (damping_ratios(other) - damping) / share;
-  Vector result(parts * n * found.steps());
-  for (Index k = 0; k < found.steps(); ++k)
-    result.segment(parts * n * k, parts * n) << frequency.row(k).transpose(), damping.row(k).transpose(),
-        frequency_error.row(k).transpose(), damping_error.row(k).transpose();
+  Matrix result(found.steps(), frozen_parts * n);
+  result << frequency, damping, frequency_error, damping_error;
   return result;
+}
+
+// The real and the imaginary parts (2n) of the exponents that are nearest to `original` (n), up to multiples of `turn`
+// of imaginary parts: the logarithms of negative multipliers have two signs. NaN for multipliers of zero.
+Vector exponents_near(const Eigen::VectorXcd& original, const Eigen::VectorXcd& found, double turn) {
+  const Index n = original.size();
+  Vector result = Vector::Constant(2 * n, nan);
+  if (found.size() != n) return result;
+  const auto change = [&](Index i, Index j) {
+    const std::complex<double> plain = found(j) - original(i);
+    return std::complex<double>(plain.real(), std::remainder(plain.imag(), turn));
+  };
+  Matrix cost(n, n);
+  for (Index i = 0; i < n; ++i)
+    for (Index j = 0; j < n; ++j)
+      cost(i, j) = original(i) == found(j) ? 0.0 : std::fmin(std::abs(change(i, j)), 1e3 * turn);
+  const std::vector<Index> column = modes_of::assignment(cost);
+  for (Index i = 0; i < n; ++i) {
+    const std::complex<double> moved = original(i) + change(i, column[size_t(i)]);
+    if (!std::isfinite(moved.real()) || !std::isfinite(moved.imag())) continue;
+    result(i) = moved.real();
+    result(n + i) = moved.imag();
+  }
+  return result;
+}
+
+// One row of values per step as a vector, and back. `extra` is the same at all steps.
+Vector joined(const Matrix& rows, const Vector& extra) {
+  Matrix all(rows.rows(), rows.cols() + extra.size());
+  all << rows, extra.transpose().replicate(rows.rows(), 1);
+  return all.reshaped<Eigen::RowMajor>();
 }
 
 // The values of one part as (S × n).
 Matrix part(const Matrix& all, const Modes& modes, Index which) {
-  const Index n = modes.count();
-  Matrix result(modes.steps(), n);
-  for (Index k = 0; k < modes.steps(); ++k) result.row(k) = all.col(0).segment((parts * k + which) * n, n).transpose();
-  return result;
+  const auto rows = all.reshaped<Eigen::RowMajor>(modes.steps(), all.size() / modes.steps());
+  return rows.middleCols(which * modes.count(), modes.count());
+}
+
+// The interval of `count` values from entry `begin` of the first step on, as (count × 1): they are the same at all
+// steps.
+Interval common_interval(const Interval& all, Index begin, Index count) {
+  const auto first = [&](const Matrix& values) { return Matrix(values.col(0).segment(begin, count)); };
+  return {first(all.estimate), first(all.deviation), first(all.lower), first(all.upper)};
 }
 
 // The square of the error of freezing the time at step k, as far as it is larger than its own standard error. Squares
@@ -95,17 +133,30 @@ ModeBounds mode_bounds(const Model& model, const Ensemble& data, const ModesOpti
   result.modes = modes(model, options);
   result.level = confidence.level;
   const Index window = result.modes.window, other = modes_of::other_window(model, window);
+  const Eigen::VectorXcd exponents = model.period > 0 ? floquet_exponents(model) : Eigen::VectorXcd();
+  const double turn = 2 * std::numbers::pi / (double(model.period) * model.dt);
   const Functional function = [&](const Model& replicate) {
+    const Vector extra = model.period > 0 ? exponents_near(exponents, floquet_exponents(replicate), turn) : Vector();
     const Eigen::MatrixXcd poles =
         modes_of::poles_in_order(result.modes.poles, result.modes.begin, modes_of::spectra(replicate, window, {}));
-    if (other == 0) return values(poles, Eigen::MatrixXcd::Constant(poles.rows(), poles.cols(), {nan, nan}), 2.0);
-    return values(poles, modes_of::poles_in_order(poles, result.modes.begin, modes_of::spectra(replicate, other, {})),
-                  double(other) / double(window));
+    if (other == 0)
+      return joined(frozen_values(poles, Eigen::MatrixXcd::Constant(poles.rows(), poles.cols(), {nan, nan}), 2.0),
+                    extra);
+    return joined(
+        frozen_values(poles,
+                      modes_of::poles_in_order(poles, result.modes.begin, modes_of::spectra(replicate, other, {})),
+                      double(other) / double(window)),
+        extra);
   };
   const FunctionBounds found = function_bounds(model, data, function, confidence, result.modes.steps());
   const double t = uncertainty::StudentT(confidence.level)(found.freedom);
   result.frequency = interval(found, result.modes, 0, t);
   result.damping = interval(found, result.modes, 1, t);
+  if (model.period > 0) {
+    const Index begin = frozen_parts * result.modes.count(), count = exponents.size();
+    result.exponents_real = common_interval(found.interval, begin, count);
+    result.exponents_imag = common_interval(found.interval, begin + count, count);
+  }
   result.replicates = found.replicates;
   result.findings = found.findings;
   return result;

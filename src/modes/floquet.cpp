@@ -4,10 +4,12 @@
 #include <algorithm>
 #include <cmath>
 #include <complex>
+#include <limits>
 #include <numbers>
 #include <stdexcept>
 #include <vector>
 
+#include "modes/tracks.hpp"
 #include "tokid/linalg.hpp"
 #include "tokid/modes.hpp"
 #include "tokid/parallel.hpp"
@@ -16,9 +18,12 @@ namespace tokid {
 
 namespace {
 
-constexpr Index most_cycles = 64;   // times round the period
-constexpr double separate = 1e-10;  // coupling of two subspaces that counts as none: the relative error that it makes
-constexpr double enough_digits = 1e-6;  // ratio of the eigenvalues of one product that keeps ten digits of the smallest
+constexpr Index most_cycles = 128;  // times round the period
+constexpr double similar = 1e-2;    // share of a product's norm from which on its eigenvalues lose two digits at most
+constexpr double rounding = 10;     // n·ε: coupling of two subspaces that rounding errors alone make
+constexpr double most_coupling = 1e-4;  // coupling that may count as none if rounding errors keep it from falling
+constexpr Index still_cycles = 8;       // cycles without a fall that show this
+constexpr double epsilon = std::numeric_limits<double>::epsilon();
 
 // value · 2^exponent: powers of two add no rounding errors, and neither overflow nor underflow.
 struct Scaled {
@@ -44,8 +49,8 @@ std::vector<Matrix> last_period(const Model& model) {
 }
 
 // A_k Q_k = Q_{k+1} R_k over a period, from Q_0 = `start`. Cycle after cycle, the first columns of Q turn to the
-// subspaces that grow most (orthogonal iteration): the product of the A_k becomes block triangular without being
-// formed.
+// subspaces that grow most (orthogonal iteration): the product of the A_k becomes block triangular. Only its diagonal
+// blocks are formed.
 struct Cycle {
   Matrix end;             // Q_P
   std::vector<Matrix> r;  // R_k, upper triangular
@@ -61,8 +66,28 @@ Cycle cycle(const std::vector<Matrix>& a, const Matrix& start) {
   return result;
 }
 
-// Eigenvalues of the diagonal block of startᵀ · end · R_{P-1} … R_0 from row `first` on.
-std::vector<Scaled> eigenvalues_of_block(const Cycle& cycle, const Matrix& closure, Index first, Index size) {
+// Two subspaces: the first columns of Q and the others.
+struct Split {
+  double lowest = std::numeric_limits<double>::infinity();  // coupling so far
+  Index still = 0;                                          // cycles since it was low and fell last
+  bool open = false;                                        // a product of each subspace is enough
+};
+// The coupling of separate multipliers falls to about ε. In badly scaled coordinates, rounding errors keep it higher. A
+// rotating pair lets it rise at times, so some cycles decide.
+Split after_cycle(Split split, double coupling, Index size) {
+  split.still = coupling <= most_coupling && coupling >= split.lowest ? split.still + 1 : 0;
+  split.lowest = std::min(split.lowest, coupling);
+  split.open = coupling <= rounding * double(size) * epsilon || split.still >= still_cycles;
+  return split;
+}
+
+// The product of the diagonal blocks of closure · R_{P-1} … R_0 from row `first` on.
+struct Block {
+  std::vector<Scaled> eigenvalues;
+  // Rounding errors of a product grow with its norm. An eigenvalue far below the norm therefore loses digits.
+  bool exact = true;
+};
+Block block_of(const Cycle& cycle, const Matrix& closure, Index first, Index size) {
   Matrix product = Matrix::Identity(size, size);
   long exponent = 0;
   const auto multiply = [&](const Matrix& factor) {
@@ -75,26 +100,19 @@ std::vector<Scaled> eigenvalues_of_block(const Cycle& cycle, const Matrix& closu
   };
   for (const Matrix& factor : cycle.r) multiply(factor);
   multiply(closure);
-  std::vector<Scaled> result;
-  for (const std::complex<double> value : linalg::eigenvalues(product)) result.push_back({value, exponent});
+  Block result;
+  for (const std::complex<double> value : linalg::eigenvalues(product)) {
+    result.eigenvalues.push_back({value, exponent});
+    result.exact = result.exact && (size == 1 || std::abs(value) >= similar * product.norm());
+  }
   return result;
 }
 
-// Whether the smallest eigenvalue has enough digits beside the largest.
-bool exact(const std::vector<Scaled>& block) {
-  double least = std::abs(block.front().value), most = least;
-  for (const Scaled& scaled : block) {
-    least = std::min(least, std::abs(scaled.value));
-    most = std::max(most, std::abs(scaled.value));
-  }
-  return block.size() == 1 || !(least < enough_digits * most);
-}
-
-// The n multipliers, in decreasing size.
-std::vector<Scaled> multipliers(const Model& model) {
-  const std::vector<Matrix> a = last_period(model);
+// The eigenvalues of the product of square matrices a_{P-1} … a_0, in decreasing size.
+std::vector<Scaled> eigenvalues_of_product(const std::vector<Matrix>& a) {
   const Index size = a.front().rows();
   Matrix start = Matrix::Identity(size, size);
+  std::vector<Split> split(static_cast<size_t>(size));  // before each column
   std::vector<Scaled> result;
   for (Index i = 0; i < most_cycles; ++i) {
     const Cycle round = cycle(a, start);
@@ -102,10 +120,14 @@ std::vector<Scaled> multipliers(const Model& model) {
     bool done = true;
     result.clear();
     for (Index first = 0, last = 1; last <= size; ++last) {
-      if (last < size && !(closure.bottomLeftCorner(size - last, last).norm() <= separate)) continue;
-      const std::vector<Scaled> block = eigenvalues_of_block(round, closure, first, last - first);
-      done = done && exact(block);
-      result.insert(result.end(), block.begin(), block.end());
+      if (last < size) {
+        Split& here = split[size_t(last)];
+        here = after_cycle(here, closure.bottomLeftCorner(size - last, last).norm(), size);
+        if (!here.open) continue;
+      }
+      const Block block = block_of(round, closure, first, last - first);
+      done = done && block.exact;
+      result.insert(result.end(), block.eigenvalues.begin(), block.eigenvalues.end());
       first = last;
     }
     if (done) break;
@@ -114,30 +136,70 @@ std::vector<Scaled> multipliers(const Model& model) {
   std::stable_sort(result.begin(), result.end(), [](const Scaled& x, const Scaled& y) {
     return x.log_size() != y.log_size() ? x.log_size() > y.log_size() : x.value.imag() > y.value.imag();
   });
+  return result;
+}
+
+// The n multipliers, in decreasing size.
+std::vector<Scaled> multipliers_of(const Model& model) {
+  std::vector<Scaled> result = eigenvalues_of_product(last_period(model));
   result.resize(size_t(model.n(model.k_end())));
+  return result;
+}
+
+// The transposed matrices in reverse order have the same multipliers, but other rounding errors.
+std::vector<Scaled> multipliers_of_transposed(const Model& model) {
+  std::vector<Matrix> a = last_period(model);
+  std::reverse(a.begin(), a.end());
+  for (Matrix& step : a) step.transposeInPlace();
+  std::vector<Scaled> result = eigenvalues_of_product(a);
+  result.resize(size_t(model.n(model.k_end())));
+  return result;
+}
+
+// |y/x - 1|, at most 1
+double relative_difference(const Scaled& x, const Scaled& y) {
+  if (x.value == y.value && x.exponent == y.exponent) return 0.0;
+  const std::complex<double> change(y.log_size() - x.log_size(), std::arg(y.value) - std::arg(x.value));
+  const double result = std::abs(std::exp(change) - 1.0);
+  return result < 1 ? result : 1.0;
+}
+
+Eigen::VectorXcd numbers_of(const std::vector<Scaled>& multipliers) {
+  Eigen::VectorXcd result{Index(multipliers.size())};
+  const auto number = [](double value, long exponent) {
+    return std::ldexp(value, int(std::clamp(exponent, -10'000L, 10'000L)));
+  };
+  for (size_t i = 0; i < multipliers.size(); ++i)
+    result(Index(i)) = {number(multipliers[i].value.real(), multipliers[i].exponent),
+                        number(multipliers[i].value.imag(), multipliers[i].exponent)};
+  return result;
+}
+
+Eigen::VectorXcd exponents_of(const std::vector<Scaled>& multipliers, double period) {
+  Eigen::VectorXcd result{Index(multipliers.size())};
+  for (size_t i = 0; i < multipliers.size(); ++i)
+    result(Index(i)) = std::complex<double>(multipliers[i].log_size(), std::arg(multipliers[i].value)) / period;
   return result;
 }
 
 }  // namespace
 
-Eigen::VectorXcd floquet_multipliers(const Model& model) {
-  const std::vector<Scaled> found = multipliers(model);
-  Eigen::VectorXcd result{Index(found.size())};
-  const auto part = [](double value, long exponent) {
-    return std::ldexp(value, int(std::clamp(exponent, -10'000L, 10'000L)));
-  };
+Floquet floquet(const Model& model) {
+  const std::vector<Scaled> found = multipliers_of(model), other = multipliers_of_transposed(model);
+  Matrix difference(Index(found.size()), Index(found.size()));
   for (size_t i = 0; i < found.size(); ++i)
-    result(Index(i)) = {part(found[i].value.real(), found[i].exponent), part(found[i].value.imag(), found[i].exponent)};
+    for (size_t j = 0; j < found.size(); ++j) difference(Index(i), Index(j)) = relative_difference(found[i], other[j]);
+  const std::vector<Index> partner = modes_of::assignment(difference);
+  Floquet result{numbers_of(found), exponents_of(found, double(model.period) * model.dt), Vector(Index(found.size()))};
+  for (size_t i = 0; i < found.size(); ++i)
+    result.error(Index(i)) = std::max(epsilon, difference(Index(i), partner[i]));
   return result;
 }
 
+Eigen::VectorXcd floquet_multipliers(const Model& model) { return numbers_of(multipliers_of(model)); }
+
 Eigen::VectorXcd floquet_exponents(const Model& model) {
-  const std::vector<Scaled> found = multipliers(model);
-  const double period = double(model.period) * model.dt;
-  Eigen::VectorXcd result{Index(found.size())};
-  for (size_t i = 0; i < found.size(); ++i)
-    result(Index(i)) = std::complex<double>(found[i].log_size(), std::arg(found[i].value)) / period;
-  return result;
+  return exponents_of(multipliers_of(model), double(model.period) * model.dt);
 }
 
 }  // namespace tokid

@@ -142,25 +142,32 @@ Matrix damping_ratios(const Modes& modes) {
   return each_pole(modes, [](std::complex<double> s) { return s == 0.0 ? nan : -s.real() / std::abs(s); });
 }
 
-Model frozen_system(const Model& model, Index k, const ModesOptions& options) {
+std::vector<Model> frozen_systems(const Model& model, const std::vector<Index>& steps, const ModesOptions& options) {
   const Frozen frozen(model, options.window);
-  if (k < frozen.begin() || k >= frozen.begin() + frozen.count())
-    throw std::invalid_argument(fmt::format("step: {} found, {} to {} needed with a window of {} steps", k,
-                                            frozen.begin(), frozen.begin() + frozen.count() - 1, frozen.window()));
-  Step system = frozen.whole(k);
-  if (system.states() == 0)
-    throw std::invalid_argument(fmt::format(
-        "window: the outputs of the {} steps around step {} don't determine the state; a longer window needed",
-        frozen.window(), k));
-  Model result;
-  result.inputs = model.inputs;
-  result.outputs = model.outputs;
-  result.dt = model.dt;
-  result.names = model.names;
-  result.method = "known";
-  result.period = 1;
-  result.step.push_back(std::move(system));
+  std::vector<Model> result;
+  for (const Index k : steps) {
+    if (k < frozen.begin() || k >= frozen.begin() + frozen.count())
+      throw std::invalid_argument(fmt::format("step: {} found, {} to {} needed with a window of {} steps", k,
+                                              frozen.begin(), frozen.begin() + frozen.count() - 1, frozen.window()));
+    Step system = frozen.whole(k);
+    if (system.states() == 0)
+      throw std::invalid_argument(fmt::format(
+          "window: the outputs of the {} steps around step {} don't determine the state; a longer window needed",
+          frozen.window(), k));
+    Model& one = result.emplace_back();
+    one.inputs = model.inputs;
+    one.outputs = model.outputs;
+    one.dt = model.dt;
+    one.names = model.names;
+    one.method = "known";
+    one.period = 1;
+    one.step.push_back(std::move(system));
+  }
   return result;
+}
+
+Model frozen_system(const Model& model, Index k, const ModesOptions& options) {
+  return std::move(frozen_systems(model, {k}, options).front());
 }
 
 // (zI - A)(X + iY) = B in real numbers, with z = c + is.
