@@ -24,6 +24,7 @@
 % What a model is for
 %   tokid.lqr           a controller of the departures from the nominal trajectory
 %   tokid.learn         the inputs of the next run from a reference and the last run
+%   tokid.export        observer and controller as C99 source
 %
 % The tool
 %   tokid.tool          where the command line tool is, which these functions call

@@ -25,6 +25,30 @@ throws('tokid:option', 'option ''weight'' found', @() tokid.lqr(model, 'weight',
 throws('tokid:option', '3 numbers found', @() tokid.lqr(model, 'output_weight', [1 2 3]));
 end
 
+function case_source_of_the_tool()
+[model, ~] = identified();
+controller = tokid.lqr(model, 'input_weight', 0.5);
+tokid.write('model.npz', model);
+save('-v6', 'controller.mat', '-struct', 'controller');
+evidence = tokid.export('by_value.c', model, 'controller', controller, 'float', true, 'name', 'crane');
+assert(strcmp(evidence.name, 'crane') && strcmp(evidence.precision, 'float') && evidence.stored_steps > 0);
+assert(evidence.operations_control.multiplications > 0);
+by_name = tokid.export('by_name.c', 'model.npz', 'controller', 'controller.mat', 'float', true, 'name', 'crane');
+assert(by_name.table_bytes == evidence.table_bytes);
+header = fileread('by_value.h');
+assert(~isempty(strfind(header, 'crane_step')) && ~isempty(strfind(header, 'crane_control')));
+assert(strcmp(strrep(header, 'by_value', 'by_name'), fileread('by_name.h')));
+assert(strcmp(strrep(fileread('by_value.c'), 'by_value', 'by_name'), fileread('by_name.c')));
+alone = tokid.export('observer.c', model);
+assert(isempty(alone.operations_control) && strcmp(alone.precision, 'double') && strcmp(alone.name, 'observer'));
+assert(isempty(strfind(fileread('observer.h'), 'observer_control')));
+throws('tokid:option', 'option ''single'' found', @() tokid.export('a.c', model, 'single', true));
+throws('tokid:input', 'a.txt', @() tokid.export('a.txt', model));
+throws('tokid:input', 'the name of a file needed', @() tokid.export('a.c', model, 'controller', 3));
+throws('tokid:input', 'model', @() tokid.export('a.c'));
+assert(~exist('a.c', 'file') && ~exist('a.h', 'file'));
+end
+
 function case_learning_follows_the_reference()
 % Without noise, and nearly without a weight on the inputs, one run suffices.
 [model, data] = identified();

@@ -1,0 +1,34 @@
+function evidence = export(source, model, varargin)
+% TOKID.EXPORT  The observer of a model as C99 source, and with it a controller.
+%
+%   evidence = tokid.export('observer.c', model)
+%   evidence = tokid.export('observer.c', model, 'controller', tokid.lqr(model), 'float', true)
+%   evidence = tokid.export('observer.c', 'model.npz', 'controller', 'controller.h5', 'name', 'crane')
+%
+% It writes the source and, beside it, the header observer.h; docs/deploy.md shows how to call them. The evidence counts
+% bytes and operations (docs/formats.md). The model may be the name of a file. Options:
+%   'controller'          of this model, from tokid.lqr or the name of a file (default none)
+%   'float'               true: numbers of type float (default double)
+%   'name'                beginning of all names in C (default that of the file)
+%   'start_from_zero'     true: start from the zero state if the initial state is unknown
+%
+% Warnings have the identifier tokid:export; errors as in tokid.identify, and tokid:model.
+
+% SPDX-License-Identifier: BSD-3-Clause
+
+tokid.internal.need(nargin, 'source', 'model');
+known = {'controller', 'own'; 'float', 'flag'; 'name', 'value'; 'start_from_zero', 'flag'};
+[words, own] = tokid.internal.options('export', known, varargin);
+[folder, clean] = tokid.internal.folder(); %#ok<ASGLU>
+[file, files] = tokid.internal.take_model(folder, model);
+if isfield(own, 'controller') && isstruct(own.controller)
+  given = fullfile(folder, 'controller.mat');
+  tokid.internal.write_mat(given, own.controller);
+  words = [words, {'--controller', given}];
+  files = [files; {given, 'controller'}];
+elseif isfield(own, 'controller')
+  words = [words, {'--controller', tokid.internal.file_name(own.controller)}];
+end
+output = tokid.internal.call([{'export', file, '-o', tokid.internal.file_name(source), '--json'}, words], folder, files);
+evidence = tokid.internal.decode(output, folder);
+end
