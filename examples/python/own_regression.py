@@ -36,7 +36,8 @@ print(data)
 # steps choose $\rho$: a residual, divided by one minus the leverage of its experiment, is the error of a regression
 # without this experiment.
 #
-# A `stages.GtvArx` holds what the next stages need: coefficients, covariances of the residuals, and sizes of the outputs.
+# A `stages.GtvArx` holds what the next stages need: coefficients with the numbers of inputs and lags, covariances of the
+# residuals, and sizes of the outputs.
 
 
 # %%
@@ -56,7 +57,7 @@ def ridge_regression(data, lags, ridge):
         residual_cov[k] = residual.T @ residual / (len(Y) - leverage.sum())
         output_rms[k] = np.sqrt((Y**2).mean(axis=0))
         square += np.mean((residual / (1 - leverage[:, np.newaxis])) ** 2) / steps
-    return stages.GtvArx(coefficients, lags, residual_cov, output_rms), np.sqrt(square)
+    return stages.GtvArx(coefficients, data.inputs, lags, residual_cov, output_rms), np.sqrt(square)
 
 
 candidates = 10.0 ** np.arange(-3, 2.5, 0.5)
@@ -72,16 +73,17 @@ print(f"rho = {ridge:.3g}, leave-one-out error {errors.min():.3f} (rho = {candid
 # is the one that `tokid.identify` chooses for these data by cross-validation.
 
 # %%
-SMOOTHING = 0.3
+smoothing = tokid.identify(data, lags=LAGS, states=STATES, refine=False).identification.variation.smoothing
+print(f"smoothing = {smoothing:g}")
 regressions = {
     "each step alone": stages.gtv_arx(data, LAGS),
     "ridge of one's own": ridge_regression(data, LAGS, ridge)[0],
-    "coupled steps": stages.smooth_arx(data, LAGS, smoothing=SMOOTHING),
+    "coupled steps": stages.smooth_arx(data, LAGS, smoothing=smoothing),
 }
 models, refined = {}, {}
 for name, arx in regressions.items():
-    models[name] = stages.subspace(data, arx, states=STATES, smoothing=SMOOTHING)
-    refined[name] = stages.refine(models[name], data, smoothing=SMOOTHING, iterations=300, tolerance=1e-4).model
+    models[name] = stages.subspace(data, arx, states=STATES, smoothing=smoothing)
+    refined[name] = stages.refine(models[name], data, smoothing=smoothing, iterations=300, tolerance=1e-4).model
 
 # %% [markdown]
 # They are models like any others. Fresh experiments show how good they are: the fit of one-step predictions and of

@@ -53,7 +53,8 @@ Model realise(const Windows& windows, GtvArx arx, const FreeResponse& free, cons
 TveraOptions tvera_options(const Plan& plan, Index outputs);
 
 // Adds to a TVERA model the information from its regressions: covariances of the innovations, condition numbers, ranks
-// and lags, dt, names and initial state.
+// and lags, dt, names and initial state. \throws std::invalid_argument if `arx` has other steps or channels than the
+// model
 Model completed(Model model, const Windows& windows, const GtvArx& arx, const Plan& plan);
 
 // Sets the initial state of the model. From an unknown initial state, the model can compute states only from the first

@@ -12,6 +12,7 @@
 #include "results.hpp"
 #include "tokid/em.hpp"
 #include "tokid/plan.hpp"
+#include "tokid/stage_values.hpp"
 #include "tokid/subspace.hpp"
 
 namespace tokid::python {
@@ -46,20 +47,6 @@ NumPyArray stacked(Index steps, Index rows, Index cols, Matrices&& matrix) {
   return array_of(std::move(values), {size_t(steps), size_t(rows), size_t(cols)});
 }
 
-template <class Entries>
-void check_finite(const char* name, Index k, const Entries& entries) {
-  if (!entries.allFinite())
-    throw std::invalid_argument(
-        fmt::format("{}: a number that is not finite found at step {}, numbers needed", name, k));
-}
-
-void check_covariance(const char* name, Index k, const ConstMatrixRef& s) {
-  check_finite(name, k, s);
-  if (!linalg::covariance_factor(s))
-    throw std::invalid_argument(fmt::format(
-        "{}: another matrix found at step {}, a covariance needed (symmetric, positive semidefinite)", name, k));
-}
-
 template <class Result>
 Result field(nb::handle value, const char* name) {
   return nb::cast<Result>(value.attr(name));
@@ -69,7 +56,8 @@ Stack stack_field(nb::handle value, const char* name) { return Stack(field<Numbe
 
 bool is_known(nb::handle value, const char* name) { return !value.attr(name).is_none(); }
 
-// Fills the regression of one step of `arx` from the arrays of the dataclass.
+// The arrays of the dataclass GtvArx. Only the constructor needs the GIL: the arrays are read-only, and `value` keeps
+// them alive.
 class ArxFields {
  public:
   explicit ArxFields(nb::handle value)
@@ -77,83 +65,88 @@ class ArxFields {
         residual_cov_(stack_field(value, "residual_cov")),
         output_rms_(field<Numbers>(value, "output_rms")),
         lags_(field<Counts>(value, "lags")),
-        lags_max_(*std::max_element(lags_.data(), lags_.data() + lags_.shape(0))) {
+        inputs_(field<Index>(value, "inputs")),
+        k_begin_(field<Index>(value, "k_begin")),
+        feedthrough_(field<bool>(value, "feedthrough")) {
     if (is_known(value, "noise_shape")) noise_shape_.emplace(stack_field(value, "noise_shape"));
     if (is_known(value, "rank")) rank_.emplace(field<Counts>(value, "rank"));
     if (is_known(value, "condition")) condition_.emplace(field<Numbers>(value, "condition"));
     if (is_known(value, "rows")) rows_.emplace(field<Counts>(value, "rows"));
     if (is_known(value, "freedom")) freedom_.emplace(field<Counts>(value, "freedom"));
-    arx_.feedthrough = field<bool>(value, "feedthrough");
-    arx_.resize(coefficients_.steps(), field<Index>(value, "inputs"), coefficients_.rows(), lags_max_,
-                noise_shape_.has_value());
-    arx_.begin_at(field<Index>(value, "k_begin"));
-    for (Index k = arx_.k_begin; k < arx_.steps(); ++k) write(k);
   }
 
-  GtvArx take() && { return std::move(arx_); }
+  bool has_noise_shape() const { return noise_shape_.has_value(); }
+
+  // The checked regressions. If `shapes` is true and there are no noise shapes, they get shapes without columns: their
+  // variances are zero.
+  GtvArx arx(bool shapes = false) const {
+    GtvArx arx;
+    arx.feedthrough = feedthrough_;
+    const Index lags_max = *std::max_element(lags_.data(), lags_.data() + lags_.shape(0));
+    arx.resize(coefficients_.steps(), inputs_, coefficients_.rows(), lags_max, shapes || has_noise_shape());
+    arx.begin_at(k_begin_);
+    for (Index k = arx.k_begin; k < arx.steps(); ++k) {
+      checkpoint();
+      write(arx, k, lags_max);
+    }
+    check(arx);
+    return arx;
+  }
 
  private:
-  void write(Index k) {
-    const Index d = arx_.inputs + arx_.outputs;
-    GtvArxStep& step = arx_.step[size_t(k)];
+  void write(GtvArx& arx, Index k, Index lags_max) const {
+    const Index d = arx.inputs + arx.outputs;
+    GtvArxStep& step = arx.step[size_t(k)];
     step.lags = lags_.data()[k];
     if (condition_) step.condition = condition_->data()[k];
     if (rows_) step.rows = rows_->data()[k];
     if (freedom_) step.freedom = freedom_->data()[k];
-    const Index own = arx_.regressors(k), before = (lags_max_ - step.lags) * d;
+    const Index own = arx.regressors(k), before = (lags_max - step.lags) * d;
     const auto all = coefficients_[k];
-    check_finite("coefficients", k, all);
     // Samples before step 0 are zero, and so their coefficients have no effect.
-    const Index absent = std::max<Index>(0, lags_max_ - k) * d;
-    if (!all.middleCols(absent, std::max<Index>(0, before - absent)).isZero(0))
-      throw std::invalid_argument(fmt::format(
-          "coefficients: nonzero ones of older samples found at step {}, {} lags needed as in lags", k, step.lags));
-    if (!arx_.feedthrough && !all.rightCols(arx_.inputs).isZero(0))
-      throw std::invalid_argument(fmt::format(
-          "coefficients: nonzero ones of the inputs of step {} found, zeros needed without feedthrough", k));
-    arx_.coefficients(k) = all.middleCols(before, own);
-    check_covariance("residual_cov", k, Matrix(residual_cov_[k]));
-    arx_.residual_cov(k) = residual_cov_[k];
-    const Eigen::Map<const Vector> rms(output_rms_.data() + k * arx_.outputs, arx_.outputs);
-    if (!(rms.array() >= 0).all() || !rms.allFinite())
-      throw std::invalid_argument(
-          fmt::format("output_rms: another value found at step {}, numbers from 0 on needed", k));
-    arx_.output_rms(k) = rms;
+    const Index absent = std::max<Index>(0, lags_max - k) * d;
+    check_zero(all.middleCols(absent, std::max<Index>(0, before - absent)), [&] {
+      return fmt::format("coefficients: nonzero ones of older samples found at step {}, {} lags needed as in lags", k,
+                         step.lags);
+    });
+    if (!feedthrough_)
+      check_zero(all.rightCols(arx.inputs), [&] {
+        return fmt::format(
+            "coefficients: nonzero ones of the inputs of step {} found, zeros needed without feedthrough", k);
+      });
+    arx.coefficients(k) = all.middleCols(before, own);
+    arx.residual_cov(k) = residual_cov_[k];
+    arx.output_rms(k) = Eigen::Map<const Vector>(output_rms_.data() + k * arx.outputs, arx.outputs);
     if (noise_shape_)
-      write_shape(k, (*noise_shape_)[k].middleRows(before, own));
-    else if (rank_)
+      write_shape(arx, k, (*noise_shape_)[k].middleRows(before, own));
+    else if (rank_ && !arx.has_noise_shape())
       step.rank = rank_->data()[k];
   }
 
-  void write_shape(Index k, const Matrix& given) {
-    check_finite("noise_shape", k, given);
-    Matrix shape = given;
-    GtvArxStep& step = arx_.step[size_t(k)];
-    if (rank_) {
-      step.rank = rank_->data()[k];
-      const Index most = std::min(shape.rows(), shape.cols());
-      if (step.rank < 0 || step.rank > most)
-        throw std::invalid_argument(fmt::format("rank: {} found at step {}, 0 to {} needed", step.rank, k, most));
-      shape = given.leftCols(step.rank);
-    } else if (shape.cols() > shape.rows()) {  // the same X·Xᵀ from fewer columns
-      Matrix transposed = given.transpose();
-      shape = linalg::triangular_factor(transposed).transpose();
-    }
-    step.rank = shape.cols();
-    arx_.noise_shape(k) = shape;
+  // Columns that the library does not store must be zero.
+  template <class Entries, class Message>
+  static void check_zero(const Entries& entries, Message&& message) {
+    if (!entries.isZero(0)) throw std::invalid_argument(message());
+  }
+
+  template <class Shape>
+  void write_shape(GtvArx& arx, Index k, const Shape& given) const {
+    if (!rank_) return set_noise_shape(arx, k, given);
+    const Index rank = rank_->data()[k], most = std::min<Index>(given.rows(), given.cols());
+    if (rank < 0 || rank > most)
+      throw std::invalid_argument(fmt::format("rank: {} found at step {}, 0 to {} needed", rank, k, most));
+    set_noise_shape(arx, k, given.leftCols(rank));
   }
 
   Stack coefficients_, residual_cov_;
   Numbers output_rms_;
   Counts lags_;
-  Index lags_max_;
+  Index inputs_, k_begin_;
+  bool feedthrough_;
   std::optional<Stack> noise_shape_;
   std::optional<Counts> rank_, rows_, freedom_;
   std::optional<Numbers> condition_;
-  GtvArx arx_;
 };
-
-GtvArx arx_of(nb::handle value) { return ArxFields(value).take(); }
 
 nb::dict dict_of(std::initializer_list<Field> fields) {
   nb::dict result;
@@ -184,7 +177,8 @@ nb::dict fields_of(const GtvArx& arx) {
       if (k < arx.k_begin) return;
       x.block(before(k), 0, arx.regressors(k), arx.step[size_t(k)].rank) = arx.noise_shape(k);
     }));
-  return dict_of({{"coefficients", nb::cast(stacked(T, m, L,
+  return dict_of({{"inputs", r},
+                  {"coefficients", nb::cast(stacked(T, m, L,
                                                     [&](Index k, auto&& all) {
                                                       if (k < arx.k_begin) return;
                                                       all.middleCols(before(k), arx.regressors(k)) =
@@ -213,43 +207,55 @@ NumPyArray blocks(Index T, Index band, Index rows, Index cols, Matrices&& matrix
   return array_of(std::move(values), {size_t(T), size_t(band), size_t(rows), size_t(cols)});
 }
 
-nb::dict fields_of(const Markov& h) {
+nb::dict fields_of(const Markov& h, bool variances) {
   const Index T = h.steps(), m = h.outputs, r = h.inputs;
+  nb::object noise = nb::none();
+  if (variances) noise = nb::cast(blocks(T, h.band, m, r, [&](Index k) { return h.system_noise(k); }));
   return dict_of({{"system", nb::cast(blocks(T, h.band, m, r, [&](Index k) { return h.system(k); }))},
                   {"gain", nb::cast(blocks(T, h.band, m, m, [&](Index k) { return h.gain(k); }))},
                   {"D", nb::cast(stacked(T, m, r, [&](Index k, auto&& d) { d = h.D(k); }))},
-                  {"system_noise", nb::cast(blocks(T, h.band, m, r, [&](Index k) { return h.system_noise(k); }))},
+                  {"system_noise", noise},
                   {"i_begin", h.i_begin}});
 }
 
-Markov markov_of(nb::handle value) {
-  const auto system = field<Numbers>(value, "system"), gain = field<Numbers>(value, "gain");
-  std::optional<Numbers> noise;
-  if (is_known(value, "system_noise")) noise = field<Numbers>(value, "system_noise");
-  const Stack D = stack_field(value, "D");
-  const Index T = Index(system.shape(0)), band = Index(system.shape(1)), m = Index(system.shape(2)),
-              r = Index(system.shape(3));
-  Markov h(T, r, m, band, field<Index>(value, "i_begin"));
-  const auto block = [&](const Numbers& numbers, Index k, Index i, Index cols) {
-    return Eigen::Map<const RowMajor>(numbers.data() + (k * band + k - i - 1) * m * cols, m, cols);
-  };
-  for (Index k = h.i_begin; k < T; ++k) {
-    check_finite("D", k, D[k]);
-    h.D(k) = D[k];
-    for (Index i = std::max(h.i_begin, k - band); i < k; ++i) {
-      check_finite("system", k, block(system, k, i, r));
-      check_finite("gain", k, block(gain, k, i, m));
-      h.h(k, i) = block(system, k, i, r);
-      h.h_gain(k, i) = block(gain, k, i, m);
-      if (!noise) continue;
-      if (!(block(*noise, k, i, r).array() >= 0).all())
-        throw std::invalid_argument(
-            fmt::format("system_noise: another value found at step {}, variances from 0 on needed", k));
-      h.h_noise(k, i) = block(*noise, k, i, r);
-    }
+// The arrays of the dataclass Markov. As in ArxFields, only the constructor needs the GIL.
+class MarkovFields {
+ public:
+  explicit MarkovFields(nb::handle value)
+      : system_(field<Numbers>(value, "system")),
+        gain_(field<Numbers>(value, "gain")),
+        D_(stack_field(value, "D")),
+        i_begin_(field<Index>(value, "i_begin")) {
+    if (is_known(value, "system_noise")) noise_.emplace(field<Numbers>(value, "system_noise"));
   }
-  return h;
-}
+
+  // The checked Markov parameters, without those before i_begin.
+  Markov markov() const {
+    const Index T = Index(system_.shape(0)), band = Index(system_.shape(1)), m = Index(system_.shape(2)),
+                r = Index(system_.shape(3));
+    Markov h(T, r, m, band, i_begin_);
+    const auto block = [&](const Numbers& numbers, Index k, Index i, Index cols) {
+      return Eigen::Map<const RowMajor>(numbers.data() + (k * band + k - i - 1) * m * cols, m, cols);
+    };
+    for (Index k = h.i_begin; k < T; ++k) {
+      checkpoint();
+      h.D(k) = D_[k];
+      for (Index i = std::max(h.i_begin, k - band); i < k; ++i) {
+        h.h(k, i) = block(system_, k, i, r);
+        h.h_gain(k, i) = block(gain_, k, i, m);
+        if (noise_) h.h_noise(k, i) = block(*noise_, k, i, r);
+      }
+    }
+    check(h);
+    return h;
+  }
+
+ private:
+  Numbers system_, gain_;
+  Stack D_;
+  Index i_begin_;
+  std::optional<Numbers> noise_;
+};
 
 nb::dict fields_of(const HankelFactors& factors, const TveraOptions& options) {
   nb::list u, singular_values;
@@ -318,7 +324,7 @@ nb::dict regressed_together(const Ensemble& data, Index lags, double smoothing, 
 nb::dict factorised(nb::handle parameters, Index rows, Index cols, const std::optional<AnyArray>& free_y,
                     const std::optional<AnyArray>& output_size, const std::optional<AnyArray>& input_size,
                     int threads) {
-  const Markov h = markov_of(parameters);
+  const MarkovFields given(parameters);
   TveraOptions options;
   options.rows = rows;
   options.cols = cols;
@@ -326,11 +332,11 @@ nb::dict factorised(nb::handle parameters, Index rows, Index cols, const std::op
   options.input_size = vector_or_empty(input_size);
   options.execution.threads = threads;
   const FreeResponse free = free_y ? free_response_of(*free_y) : FreeResponse{};
-  return fields_of(without_gil([&] { return hankel_factors(h, free, options); }), options);
+  return fields_of(without_gil([&] { return hankel_factors(given.markov(), free, options); }), options);
 }
 
 Model realised(nb::handle parameters, nb::handle value, Index states, double noise_factor, int threads) {
-  const Markov h = markov_of(parameters);
+  const MarkovFields given(parameters);
   const HankelFactors factors = factors_of(value);
   TveraOptions options;
   options.rows = factors.rows;
@@ -341,27 +347,26 @@ Model realised(nb::handle parameters, nb::handle value, Index states, double noi
   options.input_size = vector_of(field<AnyArray>(value, "input_size"));
   options.execution.threads = threads;
   return without_gil([&] {
-    Model model = realise(h, factors, options);
+    Model model = realise(given.markov(), factors, options);
     model.provenance.version = version;
     return model;
   });
 }
 
 Model with_regressions(const Model& model, const Ensemble& data, nb::handle value) {
-  const GtvArx arx = arx_of(value);
-  if (arx.steps() != model.k_end() || arx.inputs != model.inputs || arx.outputs != model.outputs)
-    throw std::invalid_argument(
-        fmt::format("arx: {} steps, {} inputs, {} outputs found, {}, {}, {} needed as in the model", arx.steps(),
-                    arx.inputs, arx.outputs, model.k_end(), model.inputs, model.outputs));
+  const ArxFields given(value);
   Plan plan;
   plan.initial_state = initial_state_of(data);
-  return without_gil([&] { return noted(completed(model, data, arx, plan), data, arx.feedthrough); });
+  return without_gil([&] {
+    const GtvArx arx = given.arx();
+    return noted(completed(model, data, arx, plan), data, arx.feedthrough);
+  });
 }
 
 Model subspace_model(const Ensemble& data, nb::handle value, Index states, Index future, Weighting weighting,
                      double smoothing, Index period, double state_smoothing,
                      const std::optional<AnyArray>& output_weights, bool noisy, int threads) {
-  const GtvArx arx = arx_of(value);
+  const ArxFields given(value);
   SubspaceOptions options;
   options.states = states;
   options.future = future;
@@ -372,6 +377,7 @@ Model subspace_model(const Ensemble& data, nb::handle value, Index states, Index
   options.noisy = noisy;
   options.execution.threads = threads;
   return without_gil([&] {
+    const GtvArx arx = given.arx();
     return noted(from_known_state(subspace(data, arx, options), initial_state_of(data)), data, arx.feedthrough);
   });
 }
@@ -413,8 +419,11 @@ void bind_realisations(nb::module_& module) {
       .value("many_steps", Weighting::many_steps)
       .value("projection", Weighting::projection);
   module.def("stage_markov", [](nb::handle value, Index band, int threads) {
-    const GtvArx arx = arx_of(value);
-    return fields_of(without_gil([&] { return markov(arx, band, {threads, {}}); }));
+    const ArxFields given(value);
+    return fields_of(without_gil([&] {
+                       return markov(given.arx(true), band, {threads, {}});
+                     }),
+                     given.has_noise_shape());
   });
   module.def("stage_hankel_factors", &factorised, nb::arg("markov"), nb::arg("rows"), nb::arg("cols"),
              nb::arg("free_y").none(), nb::arg("output_size").none(), nb::arg("input_size").none(), nb::arg("threads"));

@@ -36,7 +36,7 @@ def swing_up(u: npt.NDArray[np.float64], y: npt.NDArray[np.float64]) -> tokid.Mo
     tokid.cross_validate(data, folds=3, states=4, lags="auto")
     tokid.identify_file("a.h5", "b.h5", lags=3)
     arx: tokid.stages.GtvArx = tokid.stages.gtv_arx(training, 4)
-    own = tokid.stages.GtvArx(2 * arx.coefficients, 4, arx.residual_cov, arx.output_rms)
+    own = tokid.stages.GtvArx(2 * arx.coefficients, arx.inputs, 4, arx.residual_cov, arx.output_rms)
     started: tokid.Model = tokid.stages.subspace(training, own, states=4, weighting="many-steps")
     model = tokid.stages.refine(started, training, smoothing=3.0).model
     print(lower, x, model.report(data, path="page.html").trust)

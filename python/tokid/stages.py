@@ -66,7 +66,7 @@ _MOST = 1_000_000_000  # of a number of blocks or steps
 
 
 class _Value:
-    """A value between stages, made of its arrays. Its repr has their shapes."""
+    """A value between stages, made of its arrays, which are read-only copies. Its repr has their shapes."""
 
     def __repr__(self) -> str:
         fields = ((name, getattr(self, name)) for name in self.__dataclass_fields__)  # type: ignore[attr-defined]
@@ -74,6 +74,14 @@ class _Value:
 
     def _set(self, name: str, value: Any) -> None:
         object.__setattr__(self, name, value)  # the dataclasses are frozen
+
+    def __reduce__(self) -> Any:
+        # Copies are made by the constructor, since arrays that are unpickled alone could be written to.
+        return _made, (type(self), {name: getattr(self, name) for name in self.__dataclass_fields__})  # type: ignore[attr-defined]
+
+
+def _made(value: type, fields: dict[str, Any]) -> Any:
+    return value(**fields)
 
 
 def _short(value: Any) -> str:
@@ -88,14 +96,16 @@ class GtvArx(_Value):
 
         y[k] = M[k] [v[k-p]; …; v[k-1]; u[k]] + e[k],    v[k] = [u[k]; y[k]]
 
-    `gtv_arx` and `smooth_arx` make it. The first four arguments suffice for an ARX model of your own. A wrong shape
-    raises ValueError.
+    `gtv_arx` and `smooth_arx` make it. The first five arguments suffice for an ARX model of your own. A wrong shape
+    raises ValueError. The arrays are read-only copies.
 
     Parameters
     ----------
     coefficients : array_like, shape (T, m, L)
-        M[k] (18), (19): the blocks of the lags p … 1, each with r columns h̄¹ for the inputs and m columns -h̄² for the
+        L = r + p (r + m), where p is the largest lag order of a step. M[k] (18), (19): the blocks of the lags p … 1, each with r columns h̄¹ for the inputs and m columns -h̄² for the
         outputs (15), and at last D[k] with r columns. Zeros for lags that a step does not have.
+    inputs : int
+        Number of inputs r.
     lags : int or array_like of int, shape (T,)
         Lag orders p[k]. Step k has at most k lags: samples before step 0 are zero, or unknown.
     residual_cov : array_like, shape (T, m, m)
@@ -104,18 +114,20 @@ class GtvArx(_Value):
         RMS of the outputs over the experiments used.
     noise_shape : array_like, shape (T, L, q), optional
         X[k] with X Xᵀ = (Wᵀ W)⁺, or what takes its place in another regression: the covariance of the coefficients is
-        residual_cov ⊗ X Xᵀ. `markov` needs it for its variances. X has the rows of the columns of M[k], and zeros for
+        residual_cov ⊗ X Xᵀ. Without it, `markov` gives no variances. X has the rows of the columns of M[k], and zeros for
         lags that a step does not have.
     feedthrough : bool, default True
         False: D = 0 is known, and its columns are zero.
     k_begin : int, default 0
         First step with a regression. Where the initial states are unknown, it is p.
     rank, condition, rows, freedom : array_like, shape (T,), optional
-        Of each regression: numerical rank, number of columns of X, and condition number; number of experiments, and
-        degrees of freedom of the residuals.
+        They describe the regression of each step. `rank` is its numerical rank and the number of columns of X,
+        `condition` its condition number, `rows` its number of experiments, and `freedom` the degrees of freedom of its
+        residuals.
     """
 
     coefficients: Array
+    inputs: int
     lags: IndexArray
     residual_cov: Array
     output_rms: Array
@@ -130,6 +142,7 @@ class GtvArx(_Value):
     def __init__(
         self,
         coefficients: ArrayLike,
+        inputs: int,
         lags: Union[int, ArrayLike],
         residual_cov: ArrayLike,
         output_rms: ArrayLike,
@@ -145,15 +158,19 @@ class GtvArx(_Value):
         steps, m, width = self.coefficients.shape
         if 0 in self.coefficients.shape:
             raise ValueError(f"coefficients: shape {self.coefficients.shape} found, (T, m, L) without a zero needed")
+        self._set("inputs", _options.integer("inputs", inputs, 1, width))
         self._set("k_begin", _options.integer("k_begin", k_begin, 0, steps))
         if np.ndim(lags) == 0:
             lags = np.full(steps, _options.integer("lags", lags, 1, max(1, steps - 1)))
-        self._set("lags", np.minimum(_integers("lags", lags, steps), np.arange(steps)))
-        self.lags[: self.k_begin] = 0
-        p = int(self.lags.max())
-        if width <= p * m or (width - p * m) % (p + 1) != 0:
+        own = np.minimum(_integers("lags", lags, steps), np.arange(steps))
+        own[: self.k_begin] = 0
+        self._set("lags", _frozen(own, np.int64))
+        p = int(own.max())
+        needed = self.inputs + p * (self.inputs + m)
+        if width != needed:
             raise ValueError(
-                f"coefficients: shape {self.coefficients.shape} found, (T, m, L) with L = r + p (r + m) needed; p is {p}"
+                f"coefficients: shape {self.coefficients.shape} found, ({steps}, {m}, {needed}) needed: "
+                f"L = r + p (r + m) with r = {self.inputs} inputs, p = {p} lags and m = {m} outputs"
             )
         self._set("residual_cov", _numbers("residual_cov", residual_cov, (steps, m, m)))
         self._set("output_rms", _numbers("output_rms", output_rms, (steps, m)))
@@ -168,12 +185,6 @@ class GtvArx(_Value):
     def steps(self) -> int:
         """Number of steps T."""
         return len(self.coefficients)
-
-    @property
-    def inputs(self) -> int:
-        """Number of inputs r."""
-        p = int(self.lags.max())
-        return (int(self.coefficients.shape[2]) - p * self.outputs) // (p + 1)
 
     @property
     def outputs(self) -> int:
@@ -335,15 +346,21 @@ class Refined(_Value):
 
 
 def _numbers(name: str, values: Any, shape: Sequence[Optional[int]], letters: str = "") -> Any:
-    """An array of floats in the order of C."""
-    return np.ascontiguousarray(_arrays.shaped(name, values, shape, letters), dtype=np.float64)
+    """A read-only array of floats in the order of C, which no array of the caller shares."""
+    return _frozen(_arrays.shaped(name, values, shape, letters), np.float64)
 
 
-def _integers(name: str, values: Any, size: int) -> IndexArray:
+def _integers(name: str, values: Any, size: int) -> Any:
     array = _arrays.shaped(name, values, (size,))
     if np.any(array != np.floor(array)) or np.any(array < 0):
         raise ValueError(f"{name}: another value found, whole numbers from 0 on needed")
-    return np.ascontiguousarray(array, dtype=np.int64)
+    return _frozen(array, np.int64)
+
+
+def _frozen(array: Any, kind: Any) -> Any:
+    copy = np.array(array, dtype=kind, order="C")
+    copy.setflags(write=False)
+    return copy
 
 
 def _is(name: str, value: Any, wanted: type, hint: str = "") -> Any:
@@ -452,7 +469,7 @@ def gtv_arx(
     tolerance : float, default 1.5e-14
         Pivots of the scaled W[k] below tolerance √L count as zero.
     noise_shape : bool, default True
-        Store the noise shapes, L² numbers for each step. `markov` needs them.
+        Store the noise shapes, L² numbers for each step. Without them, `markov` gives no variances.
     spent : int, default 0
         Degrees of freedom used before: 1 if a mean motion was removed.
     threads : int, default 1
@@ -530,7 +547,8 @@ def markov(arx: GtvArx, band: int, *, threads: int = 1) -> Markov:
     Parameters
     ----------
     arx : GtvArx
-        With noise shapes, for the variances. Zeros (T, L, 0) say that there are none.
+        Without noise shapes, `Markov.system_noise` is None. `HankelFactors.error` then covers rounding errors alone, so
+        that "auto" states of `realise` count noise as states: state their number.
     band : int
         The largest γ = k - i, from 1 on. `hankel_factors` needs rows + cols - 1.
     threads : int, default 1
@@ -610,7 +628,7 @@ def realise(
     ----------
     markov : Markov
     factors : HankelFactors
-        Of the Hankel matrices of these Markov parameters.
+        `hankel_factors` makes it of these Markov parameters.
     states : int or "auto"
         Largest number of states n of a step. "auto": the numerical rank of each H[k], too large for noisy data.
     noise_factor : float, default 3.0
@@ -736,7 +754,7 @@ def with_nominal(model: Model, u: ArrayLike, y: ArrayLike) -> Model:
     Parameters
     ----------
     model : Model
-        Of the data of `Ensemble.departures`.
+        It describes the data of `Ensemble.departures`.
     u, y : array_like, shapes (T, r), (T, m)
         The mean motion, from `Ensemble.nominal`.
 

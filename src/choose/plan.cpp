@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "tokid/plan.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
+#include <stdexcept>
 
 #include "base/integers.hpp"
 #include "data/output_weights.hpp"
@@ -96,6 +99,10 @@ TveraOptions tvera_options(const Plan& plan, Index outputs) {
 bool is_centred(const Plan& plan) { return plan.nominal && plan.nominal_period == 0; }
 
 Model completed(Model model, const Windows& windows, const GtvArx& arx, const Plan& plan) {
+  if (model.steps() > 0 && (arx.steps() != model.k_end() || arx.inputs != model.inputs || arx.outputs != model.outputs))
+    throw std::invalid_argument(
+        fmt::format("arx: {} steps, {} inputs, {} outputs found, {}, {}, {} needed as in the model", arx.steps(),
+                    arx.inputs, arx.outputs, model.k_end(), model.inputs, model.outputs));
   model.dt = windows.dt;
   model.names = windows.names;
   for (Index k = model.k_begin; k < model.k_end(); ++k) {
