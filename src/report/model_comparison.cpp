@@ -5,6 +5,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <optional>
 #include <stdexcept>
 
 #include "base/nan.hpp"
@@ -18,29 +20,64 @@ struct ComputedOutputs {
   Ensemble simulation, one_step, ahead;
 };
 
-Known known_to(const Model& model, const Ensemble& whole, const Tested& tested) {
-  const Tested own = report::tested(model, whole, {});
+using Kind = Ensemble ComputedOutputs::*;
+constexpr Kind kinds[] = {&ComputedOutputs::simulation, &ComputedOutputs::one_step, &ComputedOutputs::ahead};
+
+Known known_to(const Model& other, const Ensemble& whole, const Tested& tested) {
+  const Tested own = report::tested(other, whole, {});
   if (own.options.evaluation == Evaluation::given) return Known::not_seen;
   if (own.options.evaluation == Evaluation::training) return Known::training;
-  const bool all = std::includes(own.rows.begin(), own.rows.end(), tested.rows.begin(), tested.rows.end());
-  return all ? Known::held_out : Known::partly;
+  const auto is_held_out = [&](Index row) { return std::binary_search(own.rows.begin(), own.rows.end(), row); };
+  const Index held_out = std::count_if(tested.rows.begin(), tested.rows.end(), is_held_out);
+  if (held_out == Index(tested.rows.size())) return Known::held_out;
+  return held_out == 0 ? Known::training : Known::partly;
 }
 
-// The first step with an output of any experiment; the number of steps if there is none.
-Index first_step(const Ensemble& computed) {
+// The model of the page: its evaluation was found, or stated, before.
+Known known_to_own(const Tested& tested) {
+  switch (tested.options.evaluation) {
+    case Evaluation::training:
+      return Known::training;
+    case Evaluation::held_out:
+      return Known::held_out;
+    default:
+      return Known::not_seen;
+  }
+}
+
+// The first step with an output of any experiment; empty if there is none.
+std::optional<Index> first_computed(const Ensemble& computed) {
   for (Index k = 0; k < computed.steps(); ++k)
     if (!computed.output(k).array().isNaN().all()) return k;
-  return computed.steps();
+  return std::nullopt;
 }
 
-// Makes the samples NaN that lie before a step, or that one of the models does not compute.
-void keep_common(std::vector<ComputedOutputs>& all, Ensemble ComputedOutputs::*kind, Index from) {
-  Ensemble& first = all.front().*kind;
-  for (Index k = 0; k < first.steps(); ++k) {
-    Matrix missing = Matrix::Zero(first.experiments(), first.outputs());
-    if (k < from) missing.setConstant(nan);
-    for (const ComputedOutputs& computed : all) missing += 0 * (computed.*kind).output(k);
-    for (ComputedOutputs& computed : all) (computed.*kind).output(k) += missing;
+// After an overflow, the outputs can be the difference of two infinities, which is NaN as a missing output is. They
+// become infinite here, so that they count as errors. Squares of outputs overflow from `huge` on.
+void keep_overflows(Ensemble& computed) {
+  const double huge = std::sqrt(std::numeric_limits<double>::max());
+  std::vector<bool> over(size_t(computed.experiments()), false);
+  for (Index k = 0; k < computed.steps(); ++k)
+    for (Index n = 0; n < computed.experiments(); ++n) {
+      for (Index j = 0; j < computed.outputs(); ++j)
+        over[size_t(n)] = over[size_t(n)] || std::abs(computed.y(n, k, j)) > huge;
+      for (Index j = 0; over[size_t(n)] && j < computed.outputs(); ++j)
+        if (std::isnan(computed.y(n, k, j))) computed.y(n, k, j) = std::numeric_limits<double>::infinity();
+    }
+}
+
+// Makes the samples NaN that one of the models does not compute. A model without any sample does not count.
+void keep_common(std::vector<ComputedOutputs>& all, Kind kind) {
+  std::vector<Ensemble*> present;
+  for (ComputedOutputs& computed : all)
+    if (first_computed(computed.*kind)) present.push_back(&(computed.*kind));
+  for (Index k = 0; !present.empty() && k < present.front()->steps(); ++k) {
+    Eigen::Array<bool, Eigen::Dynamic, Eigen::Dynamic> missing = present.front()->output(k).array().isNaN();
+    for (const Ensemble* computed : present) missing = missing || computed->output(k).array().isNaN();
+    for (Ensemble* computed : present) {
+      const Matrix kept = missing.select(nan, computed->output(k));
+      computed->output(k) = kept;
+    }
   }
 }
 
@@ -61,7 +98,7 @@ ModelComparison compare_models(const Model& model, const Ensemble& whole, const 
   std::vector<const Model*> models{&model};
   result.models.push_back({options.model_name.empty() ? "this model" : options.model_name,
                            model.states(),
-                           known_to(model, whole, tested),
+                           known_to_own(tested),
                            {},
                            {},
                            {},
@@ -77,19 +114,18 @@ ModelComparison compare_models(const Model& model, const Ensemble& whole, const 
   std::vector<ComputedOutputs> computed;
   for (size_t i = 0; i < models.size(); ++i) {
     computed.push_back(computed_by(*models[i], data, result.horizon, options.initial_state));
-    ComputedOutputs& own = computed.back();
-    result.models[i].simulated = own.simulation;
-    for (const Ensemble* outputs : {&own.simulation, &own.one_step, &own.ahead})
-      result.from = std::max(result.from, first_step(*outputs));
+    result.models[i].simulated = computed.back().simulation;
+    for (const Kind kind : kinds) {
+      keep_overflows(computed.back().*kind);
+      result.from = std::max(result.from, first_computed(computed.back().*kind).value_or(0));
+    }
   }
-  for (Ensemble ComputedOutputs::*kind :
-       {&ComputedOutputs::simulation, &ComputedOutputs::one_step, &ComputedOutputs::ahead})
-    keep_common(computed, kind, result.from);
+  for (const Kind kind : kinds) keep_common(computed, kind);
   for (size_t i = 0; i < models.size(); ++i) {
     ComparedModel& one = result.models[i];
-    one.simulation = fit(data, computed[i].simulation, model.y_nominal);
-    one.one_step = fit(data, computed[i].one_step, model.y_nominal);
-    one.ahead = fit(data, computed[i].ahead, model.y_nominal);
+    one.simulation = fit(data, computed[i].simulation, model.y_nominal, result.from);
+    one.one_step = fit(data, computed[i].one_step, model.y_nominal, result.from);
+    one.ahead = fit(data, computed[i].ahead, model.y_nominal, result.from);
   }
   return result;
 }
