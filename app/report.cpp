@@ -31,7 +31,6 @@ void run(const Call& call) {
     bounds.execution.threads = call.threads;
     bounds.execution.progress = bar.callback();
     options.bands = about(call.identified, [&] { return response_bands(model, identified, bounds); });
-    append(options.findings, options.bands->findings);
   }
   const ReportPage page = about(call.data, [&] { return report_page(model, data, options); });
   save_text(page.html, call.output);
@@ -43,6 +42,7 @@ void run(const Call& call) {
   text.row("Written", call.output.string());
   print(text.text());
   warn(options.findings);
+  if (options.bands) warn(options.bands->findings);
 }
 
 }  // namespace

@@ -30,6 +30,7 @@ struct ResponseBands {
   Index length = 0;           // L: the outputs are those of the steps start … start+L-1
   // (S) of (L × m·r): column j + m·i is output j for input i
   std::vector<Matrix> pulse_lower, pulse_upper, step_lower, step_upper;
+  std::vector<Matrix> pulse, step;  // the responses of the model itself, which tell the bands of other models
   Findings findings;
 };
 // The bands of a model, by function_bounds(). `identified`: the ensemble of its identification.
@@ -53,19 +54,27 @@ struct ReportOptions {
   Index points = 1200;                             // most points per curve: minimum and maximum of each stretch
   // Other models of the same channels: the page has their fits over the same samples, and their curves.
   std::vector<NamedModel> compare = {};
-  std::optional<ResponseBands> bands = {};  // of this model; empty: the page has responses without bands
+  // Bands of the model of the page, whose findings the page has too. Empty: the page has responses without bands.
+  std::optional<ResponseBands> bands = {};
 };
 
 enum class Trust { good, look_closer, distrust };
 const char* to_string(Trust trust);  // "good", "look closer", "don't trust"
 
+// Why a check did not pass, with its own severity.
+struct VerdictReason {
+  Trust trust = Trust::look_closer;
+  std::string text;
+};
+
 // A check of the verdict, in words.
 struct VerdictCheck {
-  std::string name;                  // "simulation_fit", …; docs/formats.md lists the names
-  std::string subject;               // what is checked
-  std::string found, needed;         // the figure of these data, and its bound; found: why not, if it is not tested
-  std::optional<Trust> result;       // good: passed; empty: not tested
-  std::vector<std::string> reasons;  // why it did not pass; empty if it passed, or if another check has the reason
+  std::string name;             // "simulation_fit", …; docs/formats.md lists the names
+  std::string subject;          // what is checked
+  std::string found, needed;    // the figure of these data, and its bound; found: why not, if it is not tested
+  std::optional<Trust> result;  // good: passed; empty: not tested
+  // Why it did not pass. Empty if it passed, or if another check has the reason.
+  std::vector<VerdictReason> reasons;
 };
 
 // The verdict, at the top of the page: one sentence of figures, the reasons for the status, and the checks that decide.
@@ -89,7 +98,8 @@ struct ReportPage {
 };
 // Makes a self-contained HTML page, which loads nothing: tables for every reader, plots if JavaScript runs. Its data
 // are a few megabytes at most, for any size of the ensemble; the page states which data it leaves out.
-// \throws std::invalid_argument where channels disagree, or no step of the data has a model
+// \throws std::invalid_argument where channels disagree, no step of the data has a model, or the bands are those of
+// another model
 ReportPage report_page(const Model& model, const Ensemble& data, const ReportOptions& options = {});
 
 // The page of a model that was just identified from these data with these options. It uses the held-out experiments if

@@ -20,7 +20,6 @@ nb::any reported(const Model& model, const Ensemble& data, const std::optional<P
       ConfidenceOptions bounds;
       bounds.execution = call.execution(threads);
       options.bands = response_bands(model, *identified, bounds);
-      append(options.findings, options.bands->findings);
     }
     const ReportPage page = report_page(model, data, options);
     if (path) save_text(page.html, *path);

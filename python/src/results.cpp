@@ -298,13 +298,17 @@ nb::any object_of(const LikelihoodChoice& c) {
 
 nb::any object_of(const Verdict& v) {
   nb::list checks;
-  for (const VerdictCheck& c : v.checks)
+  for (const VerdictCheck& c : v.checks) {
+    nb::list reasons;
+    for (const VerdictReason& reason : c.reasons)
+      reasons.append(make("VerdictReason", {{"trust", to_string(reason.trust)}, {"text", reason.text}}));
     checks.append(make("VerdictCheck", {{"name", c.name},
                                         {"subject", c.subject},
                                         {"found", c.found},
                                         {"needed", c.needed},
                                         {"result", c.result ? nb::cast(to_string(*c.result)) : nb::none()},
-                                        {"reasons", c.reasons}}));
+                                        {"reasons", reasons}}));
+  }
   return make("Verdict", {{"trust", to_string(v.trust)},
                           {"summary", v.summary},
                           {"reasons", v.reasons},

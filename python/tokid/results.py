@@ -1298,6 +1298,22 @@ class Plan(_Found):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
+class VerdictReason(_Result):
+    """Why a check of a verdict did not pass.
+
+    Attributes
+    ----------
+    trust : {"look closer", "don't trust"}
+        How serious this reason is.
+    text : str
+        The reason, in words.
+    """
+
+    trust: str
+    text: str
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class VerdictCheck(_Result):
     """A check of a verdict, in words.
 
@@ -1311,7 +1327,7 @@ class VerdictCheck(_Result):
         The figure of these data, and its bound. `found` has the reason for a check that is not tested.
     result : {"good", "look closer", "don't trust", None}
         "good": passed. None: not tested.
-    reasons : list of str
+    reasons : list of VerdictReason
         Why it did not pass. Empty if it passed, or if another check has the reason.
     """
 
@@ -1320,7 +1336,7 @@ class VerdictCheck(_Result):
     found: str
     needed: str
     result: Optional[str]
-    reasons: list[str]
+    reasons: list[VerdictReason]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -81,6 +81,12 @@ Index other_window(const Model& model, Index window) {
   return fits ? 2 * window : 0;
 }
 
+bool has_window(const Model& model, Index window) {
+  if (model.states() == 0) return false;
+  const Index half = chosen_window(model, window) / 2;
+  return model.period > 0 || last_centre(model, half) >= model.full_begin() + half;
+}
+
 Frozen::Frozen(const Model& model, Index window) : half_(chosen_window(model, window) / 2) {
   const Index reach = 2 * half_;
   if (model.period > 0) {

@@ -12,6 +12,10 @@ namespace tokid::modes_of {
 // number of steps; 0 if the model is too short for twice the window.
 Index other_window(const Model& model, Index window);
 
+// Has the model states, and enough steps for a window? 0: the window that Frozen chooses.
+// \throws std::invalid_argument for an odd or too short window
+bool has_window(const Model& model, Index window);
+
 // The windows of outputs of one model. A periodic model is extended, so that all its steps have windows.
 class Frozen {
  public:

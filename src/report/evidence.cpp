@@ -75,26 +75,31 @@ double chance_agreement(const Ensemble& data, Index input, double distance) {
   return pairs > 0 ? double(close) / double(pairs) : 1.0;
 }
 
-std::vector<WeakInput> weak_inputs(const Model& model, const Ensemble& data) {
-  std::vector<WeakInput> result;
-  if (model.period > 0) {  // differences over time are as useful as differences between experiments
-    for (Index i = 0; i < data.inputs(); ++i)
-      if (const ChannelSummary s = channel_summary(data, i); s.samples > 1 && s.min == s.max)
-        result.push_back({i, {}, 0.0, true});
-    return result;
+void assess_inputs(const Model& model, const Ensemble& data, Evidence& found) {
+  std::vector<WeakInput>& result = found.weak_inputs;
+  found.inputs_over_time = model.period > 0;
+  if (found.inputs_over_time) {  // differences over time are as useful as differences between experiments
+    for (Index i = 0; i < data.inputs(); ++i) {
+      const ChannelSummary s = channel_summary(data, i);
+      if (s.samples < 2) continue;
+      ++found.assessed_inputs;
+      if (s.min == s.max) result.push_back({i, {}, 0.0, true});
+    }
+    return;
   }
-  if (data.experiments() < 3) return result;  // too few experiments for a spread
   for (Index i = 0; i < data.inputs(); ++i) {
     const std::vector<double> spread = spreads(data, i);
+    if (std::all_of(spread.begin(), spread.end(), [](double s) { return std::isnan(s); })) continue;
+    ++found.assessed_inputs;
     std::vector<double> moving;
     for (const double s : spread)
       if (s > 0) moving.push_back(s);
     WeakInput weak{i, {}, 1.0};
     const double usual = finite_median(moving);  // median over the steps at which the input differs between experiments
     if (std::isnan(usual)) {
-      weak.always = std::any_of(spread.begin(), spread.end(), [](double s) { return s == 0; });
+      weak.always = true;
       weak.spread = 0.0;
-      if (weak.always) result.push_back(weak);
+      result.push_back(weak);
       continue;
     }
     for (Index k = 0; k < data.steps(); ++k)
@@ -108,7 +113,6 @@ std::vector<WeakInput> weak_inputs(const Model& model, const Ensemble& data) {
     const double expected = double(data.steps() * data.inputs()) * std::pow(agreement, double(data.experiments() - 1));
     if (expected < bounds::chance) result.push_back(weak);
   }
-  return result;
 }
 
 std::vector<Index> constant_outputs(const Ensemble& data) {
@@ -237,7 +241,7 @@ Evidence evidence(const Model& model, const Tested& tested) {
   found.identified_from = identified_from(model, options);
   found.samples = found.identified_from * (model.period > 0 ? std::max<Index>(1, data.steps() / model.period) : 1);
   assess_regressions(model, found);
-  found.weak_inputs = weak_inputs(model, data);
+  assess_inputs(model, data, found);
   found.differences = differences(model, data);
   found.conclusions = conclusions(compared.validation, found.names);
 
@@ -248,7 +252,8 @@ Evidence evidence(const Model& model, const Tested& tested) {
     if (std::find(found.constant_outputs.begin(), found.constant_outputs.end(), j) == found.constant_outputs.end())
       moving.push_back(j);
   found.deciding = deciding_horizon(model, data, compared, options.initial_state, spread, moving, found.conclusions);
-  found.findings = merged(options.findings, compared.validation.findings);
+  found.findings = merged(options.bands ? merged(options.findings, options.bands->findings) : options.findings,
+                          compared.validation.findings);
   if (!compared.tested.empty())
     found.input_correlation =
         input_correlation(compared.tested, data, -test_lags, test_lags, compared.validation.independence.over);
@@ -259,10 +264,14 @@ Evidence evidence(const Model& model, const Tested& tested) {
   found.step_error = std::move(one_step.step);
   found.experiment_one_step = std::move(one_step.experiment);
   found.experiment_simulation = relative_errors(data, found.simulated, spread).experiment;
+  found.error_horizon = found.deciding.steps;
   found.experiment_error = found.deciding.steps == 0
                                ? found.experiment_simulation
                                : relative_errors(data, found.deciding.computed, spread).experiment;
-  if (!std::isfinite(finite_median(found.experiment_error))) found.experiment_error = found.experiment_one_step;
+  if (!std::isfinite(finite_median(found.experiment_error))) {
+    found.error_horizon = 1;
+    found.experiment_error = found.experiment_one_step;
+  }
   assess_errors(model, data, spread, found);
   return found;
 }

@@ -68,6 +68,11 @@ std::string status(Trust trust) {
                      css_class[i], shape[i], text[i]);
 }
 
+// "The table shows 12 of 30 outputs." for a table that is cut; empty for a whole one.
+std::string cut_note(Index shown, Index all, std::string_view noun) {
+  return shown < all ? paragraph(fmt::format("The table shows {} of {}.", shown, plural(all, noun))) : "";
+}
+
 std::string tile(std::string_view value, std::string_view label) {
   return fmt::format("<div class=\"tile\"><b>{}</b><span>{}</span></div>\n", keep_together(escape(value)),
                      escape(label));
@@ -246,8 +251,11 @@ class Report {
     }
     const Index left_out = Index(order.size()) - tested;
     std::string summary = fmt::format("{} of {} passed", passed, plural(tested, "check"));
-    summary +=
-        left_out > 0 ? fmt::format("; these data or this model do not have the figures of {} others.", left_out) : ".";
+    if (left_out > 0)
+      summary += fmt::format(". {} could not be made; {} why.", plural(left_out, "check"),
+                             left_out == 1 ? "its row says" : "their rows say");
+    else
+      summary += ".";
     return section("checks", "Checks of the verdict", paragraph(summary) + table.html());
   }
 
@@ -255,7 +263,8 @@ class Report {
     Facts data, model;
     if (!options_.data_name.empty()) data.row("File", options_.data_name);
     data.row("Evaluated on", evaluated_on());
-    data.row("Steps", fmt::format("T = {}, dt = {:.6g} s", data_.steps(), data_.dt));
+    data.row("Steps", fmt::format("T = {}, {}", data_.steps(),
+                                  data_.dt_stated ? fmt::format("dt = {:.6g} s", data_.dt) : "no sample time stated"));
     data.row("Inputs", channel_list(model_.inputs, true));
     data.row("Outputs", channel_list(model_.outputs, false));
     data.row("Missing samples", found_.missing == 0 ? "none" : fmt::format("{}", found_.missing));
@@ -271,7 +280,7 @@ class Report {
                     (found_.unknowns > 0 ? fmt::format(", for {} unknowns per output and step", found_.unknowns) : ""));
     model.row("Steps", fmt::format("{} to {}, all {} from {} to {}", model_.k_begin, model_.k_end() - 1,
                                    plural(model_.states(), "state"), model_.full_begin(), model_.full_end() - 1));
-    model.row("Sample time", fmt::format("{:.6g} s", model_.dt));
+    model.row("Sample time", timed() ? fmt::format("{:.6g} s", model_.dt) : "not stated");
     if (found_.lags > 0) model.row("Lag order", fmt::format("p = {}", found_.lags));
     model.row("Initial states", to_string(model_.initial_state));
     if (const auto& feedthrough = model_.provenance.feedthrough) model.row("Feedthrough", in_words(*feedthrough));
@@ -286,6 +295,9 @@ class Report {
                    fmt::format("<div class=\"two\"><div><h3>Data</h3>\n{}</div><div><h3>Model</h3>\n{}</div></div>\n",
                                data.html(), model.html()));
   }
+
+  // Do times of the model mean seconds? The data of its identification may have stated no sample time.
+  bool timed() const { return model_.provenance.dt_stated; }
 
   std::string channel_list(Index count, bool inputs) const {
     constexpr Index most = 40;
@@ -393,8 +405,10 @@ class Report {
                                             "held out from its identification", "those of its identification",
                                             "in part those of its identification"};
     if (comparison_.models.empty()) return "";
-    constexpr Index most = 24;
-    Table models({{"Model", Align::text}, {"States"}, {"These experiments are", Align::text}}, "Models", false);
+    constexpr Index most_outputs = 24, most_rows = 600;
+    const Index most = std::clamp<Index>(most_rows / Index(comparison_.models.size()), 1, most_outputs);
+    const Index shown = std::min(most, model_.outputs);
+    Table models({{"Model", Align::text}, {"States"}, {"Tested experiments", Align::text}}, "Models", false);
     for (const ComparedModel& one : comparison_.models)
       models.row({words::quoted(one.name), fmt::format("{}", one.states), known[static_cast<size_t>(one.known)]});
     Table table({{"Output", Align::text},
@@ -404,7 +418,7 @@ class Report {
                  {fmt::format("{} ahead", plural(comparison_.horizon, "step"))},
                  {"Choice", Align::text}},
                 "Fits of all models", false);
-    for (Index j = 0; j < std::min(most, model_.outputs); ++j) {
+    for (Index j = 0; j < shown; ++j) {
       double best = -std::numeric_limits<double>::infinity();
       for (const ComparedModel& one : comparison_.models) best = std::fmax(best, one.simulation.fit(j));
       for (const ComparedModel& one : comparison_.models) {
@@ -418,10 +432,25 @@ class Report {
         "models", "Comparison of models",
         paragraph(fmt::format(
             "Fits from step {} on, over the samples that every model computes, so that they can be compared. "
-            "They can differ from the fits above, which begin where this model begins. A fit on the experiments "
-            "of a model's own identification flatters it.",
+            "They can differ from the fits above, which begin where this model begins. A fit on the "
+            "experiments of a model's own identification is better than on new data.",
             comparison_.from)) +
-            models.html() + table.html());
+            without_fits() + models.html() + table.html() + cut_note(shown, model_.outputs, "output"));
+  }
+
+  // Names the compared models that compute no sample of a kind, so that the others are compared without them.
+  std::string without_fits() const {
+    std::vector<std::string> lines;
+    for (const auto& [kind, outputs] :
+         {std::pair{&ComparedModel::simulation, std::string("simulated")},
+          std::pair{&ComparedModel::one_step, std::string("predicted one step ahead")},
+          std::pair{&ComparedModel::ahead, fmt::format("predicted {} ahead", plural(comparison_.horizon, "step"))}}) {
+      std::vector<std::string> names;
+      for (const ComparedModel& one : comparison_.models)
+        if ((one.*kind).samples == 0) names.push_back(words::quoted(one.name));
+      if (!names.empty()) lines.push_back(fmt::format("Not every output is {} by {}.", outputs, words::listed(names)));
+    }
+    return lines.empty() ? "" : list(lines, "plain");
   }
 
   // All experiments, the worst first. The table has the worst ones, and those that a test marks.
@@ -429,8 +458,9 @@ class Report {
     constexpr size_t most_worst = 12, most_rows = 40;
     const std::vector<Index> outlying = outlying_samples(found_);
     std::vector<Table::Column> columns{{"Experiment", Align::text}, {"Simulation"}, {"One step"}};
-    const bool ahead = found_.deciding.steps > 0;
-    if (ahead) columns.push_back({fmt::format("{} ahead", plural(found_.deciding.steps, "step"))});
+    const Index horizon = found_.error_horizon;
+    const bool ahead = horizon > 1;
+    if (ahead) columns.push_back({fmt::format("{} ahead", plural(horizon, "step"))});
     columns.push_back({"Marked", Align::text});
     const std::vector<Index> order = worst_first(found_);
     size_t listed = 0, marked = 0;
@@ -454,8 +484,8 @@ class Report {
         "RMS errors of each experiment, relative to the spread of the outputs, with the largest {} first. An experiment is "
         "marked if its error is above {:.0f} times the median and {:.0f} % of the spread, or if single samples of it are "
         "outlying. {}",
-        ahead ? fmt::format("error {} ahead", plural(found_.deciding.steps, "step")) : "simulation error",
-        bounds::outlier, 100 * bounds::error_floor,
+        horizon > 0 ? fmt::format("error {} ahead", plural(horizon, "step")) : "simulation error", bounds::outlier,
+        100 * bounds::error_floor,
         marked == 0 ? "None is marked."
                     : fmt::format("{} of {} marked.", marked, plural(found_.experiments, "experiment")));
     return section("experiments", "All experiments",
@@ -555,21 +585,25 @@ class Report {
     const size_t count = std::min<size_t>(10, order.size());
     std::partial_sort(order.begin(), order.begin() + std::ptrdiff_t(count), order.end(),
                       [&](Index a, Index b) { return std::pair(-badness(a), a) < std::pair(-badness(b), b); });
-    Table table(
-        {{"Step"}, {"Time [s]"}, {"Condition"}, {"Rank"}, {"Unknowns"}, {"Lag order"}, {"States"}, {"One-step error"}},
-        fmt::format("{} of {}, {}", count, plural(model_.steps(), "step"),
-                    condition ? "the worst conditioned first"
-                    : lags    ? "those first whose rank lacks most"
-                              : "those of lowest rank first"));
+    std::vector<Table::Column> columns{{"Step"},      {"Condition"}, {"Rank"},          {"Unknowns"},
+                                       {"Lag order"}, {"States"},    {"One-step error"}};
+    if (timed()) columns.insert(columns.begin() + 1, {"Time [s]"});
+    Table table(columns, fmt::format("{} of {}, {}", count, plural(model_.steps(), "step"),
+                                     condition ? "the worst conditioned first"
+                                     : lags    ? "those first whose rank lacks most"
+                                               : "those of lowest rank first"));
     for (size_t i = 0; i < count; ++i) {
       const Index k = order[i];
       const size_t s = model_.index(k);
-      table.row(
-          {fmt::format("{}", k), figure(double(k) * model_.dt), condition ? figure(model_.step[s].condition()) : "–",
-           rank ? fmt::format("{}", model_.step[s].rank()) : "–", lags ? fmt::format("{}", unknowns(model_, k)) : "–",
-           lags ? fmt::format("{}", model_.step[s].lags()) : "–", fmt::format("{}", model_.n(k)),
-           k < data_.steps() ? figure(found_.step_error[size_t(k)]) : "–"},
-          std::binary_search(found_.ill.begin(), found_.ill.end(), k) ? "mark" : "");
+      std::vector<std::string> cells{fmt::format("{}", k),
+                                     condition ? figure(model_.step[s].condition()) : "–",
+                                     rank ? fmt::format("{}", model_.step[s].rank()) : "–",
+                                     lags ? fmt::format("{}", unknowns(model_, k)) : "–",
+                                     lags ? fmt::format("{}", model_.step[s].lags()) : "–",
+                                     fmt::format("{}", model_.n(k)),
+                                     k < data_.steps() ? figure(found_.step_error[size_t(k)]) : "–"};
+      if (timed()) cells.insert(cells.begin() + 1, figure(double(k) * model_.dt));
+      table.row(cells, std::binary_search(found_.ill.begin(), found_.ill.end(), k) ? "mark" : "");
     }
     return table.html();
   }
@@ -628,7 +662,7 @@ class Report {
   std::string responses_section() const {
     if (model_.inputs == 0) return section("responses", "Responses", paragraph("The model has no inputs."));
     std::string body = paragraph(
-        "Outputs after a pulse (1 at a single step) or a step (1 from there on) of one input, from rest and without the "
+        "Outputs after a pulse (1 at a single step) or a step (1 from there on) of one input, from a zero state and without the "
         "nominal trajectory. The response depends on when the input acts: the chosen time is strong, the others are "
         "faint.");
     body += controls(choice("response-input", "Input") + choice("response-output", "Output") +
@@ -636,10 +670,10 @@ class Report {
     body += "<div class=\"two\"><div>" + plot_place("pulse", "Pulse response", "Pulse response") + "</div>\n<div>" +
             plot_place("step-response", "Step response", "Step response") + "</div></div>\n";
     if (const std::optional<ResponseBands>& bands = options_.bands)
-      body +=
-          paragraph(fmt::format("The bands hold each value by itself with the probability {:.4g} %: {} of a bootstrap "
-                                "over the experiments of the identification.",
-                                100 * bands->level, plural(bands->replicates, "replicate")));
+      body += paragraph(
+          fmt::format("Each value lies in its band with {:.4g} % probability (pointwise). The bands come from {} of "
+                      "a bootstrap over the experiments of the identification.",
+                      100 * bands->level, plural(bands->replicates, "replicate")));
     else
       body += paragraph(
           "The responses have no confidence bands: these need the experiments of the identification. "
@@ -669,7 +703,9 @@ class Report {
         table.row({found_.names.output(j), found_.names.input(i), figure(pulse(peak), 3), fmt::format("{}", peak),
                    figure(found.step.front()(found.length - 1, j + model_.outputs * i), 3)});
       }
-    return fmt::format("<details><summary>As a table</summary>\n{}</details>\n", table.html());
+    return fmt::format("<details><summary>As a table</summary>\n{}{}{}</details>\n", table.html(),
+                       cut_note(std::min(most, model_.inputs), model_.inputs, "input"),
+                       cut_note(std::min(most, model_.outputs), model_.outputs, "output"));
   }
 
   std::string frozen_text() const {
@@ -677,8 +713,8 @@ class Report {
     const std::string heading = "<h3>Frozen frequency response</h3>\n";
     if (model_.states() == 0)
       return heading + paragraph("The model has no states: its outputs follow the inputs at once.");
-    if (!frozen.why_none.empty())
-      return heading + paragraph("The model has no modes with the time frozen: " + frozen.why_none + ".");
+    if (frozen.too_short)
+      return heading + paragraph("Not shown: the model has too few steps for modes with the time frozen.");
     if (frozen.steps.empty())
       return heading +
              paragraph(fmt::format(
@@ -688,9 +724,9 @@ class Report {
                  plural(frozen.all, "step"), frozen.limit));
     return heading +
            paragraph(fmt::format(
-               "Magnitude and phase if the system stayed as it is at one step. This means something at {} of {}: those at "
-               "which every mode varies by at most {:.3g} while it turns by one radian, and is the same in another window "
-               "of outputs. Evenly spaced ones of them can be chosen.",
+               "Frequency response of the matrices of one step. It is shown for {} of {}, where every mode varies by at "
+               "most {:.3g} while it turns by one radian, and is the same in another window of outputs. "
+               "Evenly spaced steps of these can be chosen.",
                frozen.slow, plural(frozen.all, "step"), frozen.limit)) +
            controls(choice("frozen-step", "Frozen at")) + "<div class=\"two\"><div>" +
            plot_place("magnitude", "Magnitude of the frozen frequency response", "Magnitude") + "</div>\n<div>" +
@@ -750,7 +786,8 @@ class Report {
                              fmt::format("Effects of the inputs: {}.", in_words(c.gains))},
                             "plain") +
                        plot_place("whiteness", "Correlation of the innovations over the lag, with its bounds") +
-                       fmt::format("<details><summary>As a table</summary>\n{}</details>\n", table.html()));
+                       fmt::format("<details><summary>As a table</summary>\n{}{}</details>\n", table.html(),
+                                   cut_note(std::min(most, model_.outputs), model_.outputs, "output")));
   }
 
   std::string input_correlation_section() const {
@@ -790,7 +827,8 @@ class Report {
                  "plain") +
             controls(choice("correlated-input", "Input")) +
             plot_place("inputs-lags", "Correlation of the innovations with an input over the lag, with its bounds") +
-            fmt::format("<details><summary>As a table</summary>\n{}</details>\n", table.html()));
+            fmt::format("<details><summary>As a table</summary>\n{}{}</details>\n", table.html(),
+                        cut_note(shown, model_.inputs, "input")));
   }
 
   std::string notes_section() const {
@@ -839,9 +877,10 @@ class Report {
 
 namespace {
 
-ReportPage page_of(const Model& model, const report::Tested& tested, report::ModelComparison comparison,
+// `whole`: the data that were given, of which `tested` has a part.
+ReportPage page_of(const Model& model, const Ensemble& whole, const report::Tested& tested,
                    const Identification* identified) {
-  const report::Report report(model, tested, std::move(comparison), identified);
+  const report::Report report(model, tested, report::compare_models(model, whole, tested), identified);
   return {report.verdict(), report.html()};
 }
 
@@ -863,20 +902,19 @@ ReportPage identification_page(const Identification& result, const Ensemble& dat
     rows = std::move(remaining.rows);
   }
   const Ensemble& used = all ? data : own;
-  if (!result.held_out && all) return page_of(result.model, report::tested(result.model, data, options), {}, &result);
+  if (!result.held_out && all) return page_of(result.model, data, report::tested(result.model, data, options), &result);
   if (!result.held_out)
-    return page_of(result.model, report::tested_part(data, own, rows, std::move(options)), {}, &result);
+    return page_of(result.model, data, report::tested_part(data, own, rows, std::move(options)), &result);
   Split parts = split(used, identified.hold_out, identified.period);
   for (Index& n : parts.held_out_rows) n = rows[size_t(n)];
   return page_of(
-      result.model,
-      report::tested_part(data, std::move(parts.held_out), std::move(parts.held_out_rows), std::move(options)), {},
+      result.model, data,
+      report::tested_part(data, std::move(parts.held_out), std::move(parts.held_out_rows), std::move(options)),
       &result);
 }
 
 ReportPage report_page(const Model& model, const Ensemble& data, const ReportOptions& options) {
-  const report::Tested tested = report::tested(model, data, options);
-  return page_of(model, tested, report::compare_models(model, data, tested), nullptr);
+  return page_of(model, data, report::tested(model, data, options), nullptr);
 }
 
 }  // namespace tokid

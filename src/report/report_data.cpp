@@ -32,6 +32,29 @@ constexpr Index most_correlated_inputs = 24, most_correlated_outputs = 12;
 constexpr size_t most_finding_steps = 10'000;
 constexpr Index most_worst_experiments = 1000, most_other_experiments = 1000;
 constexpr Index fewest_points = 120;  // of each curve, however many curves there are
+// Responses of a model in other coordinates differ by rounding errors, which ill-conditioned coordinates multiply. The
+// plots show six digits: a smaller difference from the model of the bands would not be seen.
+constexpr double same_response = 1e-6;
+
+// Are all responses the same, relative to their largest entry?
+bool same_responses(const std::vector<Matrix>& a, const std::vector<Matrix>& b) {
+  if (a.size() != b.size()) return false;
+  double difference = 0.0, size = 0.0;
+  for (size_t s = 0; s < a.size(); ++s) {
+    if (a[s].rows() != b[s].rows() || a[s].cols() != b[s].cols()) return false;
+    for (Index i = 0; i < a[s].size(); ++i) {
+      const double x = a[s].reshaped()(i), y = b[s].reshaped()(i);
+      if (x == y || (std::isnan(x) && std::isnan(y))) continue;
+      const double change = std::abs(x - y);
+      if (!std::isfinite(change)) return false;
+      difference = std::max(difference, change);
+      size = std::max({size, std::abs(x), std::abs(y)});
+    }
+    for (const double x : a[s].reshaped())
+      if (std::isfinite(x)) size = std::max(size, std::abs(x));
+  }
+  return difference <= same_response * size;
+}
 
 // Rounds to six digits, which is more than a plot can show. A value that is not finite becomes null.
 Json rounded(double value) {
@@ -233,7 +256,9 @@ class Collector {
   }
 
   void traces() {
-    const Index others = std::max<Index>(0, Index(comparison_.models.size()) - 1);
+    const Index compared = std::max<Index>(0, Index(comparison_.models.size()) - 1);
+    const Index others = std::min(compared, most_compared_models);
+    if (others < compared) omit("The plots show {} of {} compared models; the tables have all.", others, compared);
     const Index curves = model_.inputs + (5 + others) * model_.outputs;
     // The number of experiments is limited so that each curve has enough points.
     const Index fair = std::min({data_.steps(), options_.points, Index{400}});
@@ -278,7 +303,7 @@ class Collector {
     };
     const std::string& name = found_.experiment_names[size_t(n)];
     Json others = Json::array();  // the simulations of the other models
-    for (size_t i = 1; i < comparison_.models.size(); ++i)
+    for (size_t i = 1; i < std::min(comparison_.models.size(), 1 + size_t(most_compared_models)); ++i)
       others.push_back(all(grid, m, [&](Index j, Index k) { return comparison_.models[i].simulated.y(n, k, j); }));
     return {{"others", others},
             {"label", label},
@@ -302,7 +327,7 @@ class Collector {
       omit("The plot of all experiments shows the {} with the largest errors, and every {}th of the others.",
            most_worst_experiments, stride);
     const std::vector<Index> outlying = outlying_samples(found_);
-    Json list{{"limit", rounded(found_.experiment_limit)}, {"horizon", found_.deciding.steps}};
+    Json list{{"limit", rounded(found_.experiment_limit)}, {"horizon", found_.error_horizon}};
     for (const char* key : {"x", "row", "name", "simulation", "one_step", "deciding", "outlying", "samples"})
       list[key] = Json::array();
     for (Index i = 0; i < total; i += i < most_worst_experiments ? 1 : stride) {
@@ -518,8 +543,8 @@ class Collector {
     const Index length = response_length(model_);
     const Responses found = report::responses(model_, starts, length);
     Json others = Json::array();
-    for (const NamedModel& other : options_.compare) {
-      const Responses theirs = report::responses(other.model, starts, length);
+    for (size_t i = 0; i < std::min(options_.compare.size(), size_t(most_compared_models)); ++i) {
+      const Responses theirs = report::responses(options_.compare[i].model, starts, length);
       others.push_back({{"pulse", response_lists(theirs.pulse, outputs, inputs)},
                         {"step", response_lists(theirs.step, outputs, inputs)}});
     }
@@ -539,7 +564,8 @@ class Collector {
                });
       };
       if (bands->starts != found.starts || !fits(bands->pulse_lower) || !fits(bands->pulse_upper) ||
-          !fits(bands->step_lower) || !fits(bands->step_upper))
+          !fits(bands->step_lower) || !fits(bands->step_upper) || !same_responses(bands->pulse, found.pulse) ||
+          !same_responses(bands->step, found.step))
         throw std::invalid_argument("bands: those of another model found, those of response_bands(model) needed");
       list["bands"] = {{"level", bands->level},
                        {"pulse_lower", response_lists(bands->pulse_lower, outputs, inputs)},
@@ -580,6 +606,7 @@ class Collector {
     }
     json_["frozen"] = {
         {"steps", found.steps},
+        {"timed", model_.provenance.dt_stated},
         {"frequencies", rounded(std::vector<double>(found.frequencies.begin(), found.frequencies.end()))},
         {"outputs", outputs},
         {"magnitude", magnitude},

@@ -52,6 +52,9 @@ struct Radius {
   double open = 0.0, closed = 0.0;
 };
 
+// The plots show at most as many other models of a comparison. The tables have all of them.
+inline constexpr Index most_compared_models = 8;
+
 struct Plots {
   std::string json;
   std::vector<std::string> omitted;  // sentences on what the page does not show

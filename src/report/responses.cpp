@@ -4,10 +4,10 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-#include <stdexcept>
 
 #include "base/nan.hpp"
 #include "model/continuation.hpp"
+#include "modes/frozen.hpp"
 #include "tokid/modes.hpp"
 
 namespace tokid {
@@ -73,30 +73,32 @@ FrozenResponses frozen_responses(const Model& model) {
   FrozenResponses result;
   const ModesOptions options;
   result.limit = options.slow;
-  try {
-    const Modes found = modes(model, options);
-    result.all = found.steps();
-    std::vector<Index> slow;
-    double slowest = std::numeric_limits<double>::infinity();
-    for (Index k = 0; k < found.steps(); ++k)
-      if (found.valid.row(k).all()) {
-        slow.push_back(found.begin + k);
-        slowest = std::min(slowest, found.poles.row(k).cwiseAbs().minCoeff());
-      }
-    result.slow = Index(slow.size());
-    if (slow.empty()) return result;
-    const Index channels = std::max<Index>(1, model.inputs * model.outputs);
-    result.steps = spread(slow, std::clamp<Index>(most_numbers / (2 * most_frequencies * channels), 1, most_starts));
-    // From below the slowest mode to the Nyquist frequency.
-    const double highest = std::numbers::pi / model.dt, lowest = std::clamp(slowest / 10, highest / 1e4, highest / 10);
-    result.frequencies.resize(most_frequencies);
-    for (Index i = 0; i < most_frequencies; ++i)
-      result.frequencies(i) = lowest * std::pow(highest / lowest, double(i) / double(most_frequencies - 1));
-    for (const Index k : result.steps)
-      result.response.push_back(
-          frequency_response(frozen_system(model, k, options).step.front(), model.dt, result.frequencies));
-  } catch (const std::invalid_argument& error) {
-    result.why_none = error.what();
+  result.too_short = !modes_of::has_window(model, options.window);
+  if (result.too_short) return result;
+  const Modes found = modes(model, options);
+  result.all = found.steps();
+  std::vector<Index> slow;
+  double slowest = std::numeric_limits<double>::infinity();
+  for (Index k = 0; k < found.steps(); ++k)
+    if (found.valid.row(k).all()) {
+      slow.push_back(found.begin + k);
+      slowest = std::min(slowest, found.poles.row(k).cwiseAbs().minCoeff());
+    }
+  result.slow = Index(slow.size());
+  if (slow.empty()) return result;
+  const Index channels = std::max<Index>(1, model.inputs * model.outputs);
+  const Index most = std::clamp<Index>(most_numbers / (2 * most_frequencies * channels), 1, most_starts);
+  // From below the slowest mode to the Nyquist frequency.
+  const double highest = std::numbers::pi / model.dt, lowest = std::clamp(slowest / 10, highest / 1e4, highest / 10);
+  result.frequencies.resize(most_frequencies);
+  for (Index i = 0; i < most_frequencies; ++i)
+    result.frequencies(i) = lowest * std::pow(highest / lowest, double(i) / double(most_frequencies - 1));
+  const modes_of::Frozen frozen(model, options.window);
+  for (const Index k : spread(slow, most)) {
+    const Step system = frozen.whole(k);
+    if (system.states() == 0) continue;  // the window does not determine the state
+    result.steps.push_back(k);
+    result.response.push_back(frequency_response(system, model.dt, result.frequencies));
   }
   return result;
 }
@@ -123,6 +125,9 @@ ResponseBands response_bands(const Model& model, const Ensemble& identified, con
   result.replicates = found.replicates;
   result.starts = starts;
   result.length = length;
+  report::Responses own = report::responses(model, starts, length);
+  result.pulse = std::move(own.pulse);
+  result.step = std::move(own.step);
   result.findings = std::move(found.findings);
   Index at = 0;
   const auto next = [&](std::vector<Matrix>& lower, std::vector<Matrix>& upper) {

@@ -28,11 +28,11 @@ std::vector<Index> response_starts(const Model& model);
 // modes are valid.
 struct FrozenResponses {
   std::vector<Index> steps;                             // (S) chosen steps
-  Vector frequencies;                                   // (F) [rad/s], ascending
+  Vector frequencies;                                   // (F) [rad/s], or [rad per step] without a stated sample time
   std::vector<std::vector<Eigen::MatrixXcd>> response;  // (S) of (F) of (m × r)
   Index slow = 0, all = 0;                              // steps at which all modes are valid, and all steps with modes
   double limit = 0.0;                                   // largest variation of a valid mode, as in ModesOptions
-  std::string why_none;                                 // why the model has no modes; empty if it has
+  bool too_short = false;                               // the model has too few steps for modes
 };
 FrozenResponses frozen_responses(const Model& model);
 

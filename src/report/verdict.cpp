@@ -55,17 +55,72 @@ std::string count_of(Index count, Index all, std::string_view noun) {
   return fmt::format("{} of {}", count, plural(all, noun));
 }
 
-// "p = 0.02, correlation 0.31": the figures that the rules of a test of the innovations use.
-std::string figures_of(const Conclusion& conclusion) {
-  std::vector<std::string> texts;
-  const auto add = [&](const char* key, auto&& text) {
-    if (const auto at = conclusion.numbers.find(key); at != conclusion.numbers.end() && !std::isnan(at->second))
-      texts.push_back(text(at->second));
+// The figures that decided a test of the innovations, and their bounds.
+struct Decision {
+  std::string found, needed;
+};
+
+// The gains have their figures as shares of the simulated output. `gains`: of all inputs of the model.
+Decision gains_decision(const Conclusion& c, const InputGains& gains) {
+  using Reason = Conclusion::Reason;
+  double error = 0.0, interval = 0.0;  // the largest ones, as shares of the simulated output
+  for (size_t i = 0; i < c.channels.size(); ++i) {
+    const double share = std::min(1.0, gains.share(c.channels[i].index));
+    error = std::max(error, std::abs(c.errors[i]) * share);
+    interval = std::max(interval, share > 0 ? c.intervals[i] * share : 0.0);
+  }
+  const auto share_text = [](double share) {
+    return std::isfinite(share) ? fmt::format("{} %", figure(100 * share, 3)) : std::string("all");
   };
-  add("ratio", [](double ratio) { return fmt::format("{} times", figure(ratio, 3)); });
-  add("p", [](double p) { return probability(p); });
-  add("correlation", [](double size) { return fmt::format("correlation {}", figure(size, 3)); });
-  return fmt::format("{}", fmt::join(texts, ", "));
+  if (c.reason == Reason::gains_unknown)
+    return {fmt::format("99 % interval of ± {} of the simulation", share_text(interval)),
+            fmt::format("± {:.0f} % or less", 100 * counts::gain_unknown)};
+  if (c.reason == Reason::gains_wrong)
+    return {fmt::format("significant error of {} of the simulation", share_text(error)),
+            fmt::format("no significant error, or one below {:.0f} %", 100 * counts::gain)};
+  if (c.reason == Reason::gains_lost_in_noise)
+    return {fmt::format("99 % interval of ± {} of the simulation, no significant error", share_text(interval)),
+            fmt::format("± {:.0f} % or less, and no significant error of {:.0f} % or more", 100 * counts::gain_unknown,
+                        100 * counts::gain)};
+  return {
+      fmt::format("99 % interval of ± {} of the effect, no significant error", share_text(c.numbers.at("interval"))),
+      fmt::format("no significant error of {:.0f} % of the simulation or more", 100 * counts::gain)};
+}
+
+// The reason of the conclusion selects the words, so that they state the rule that decided.
+Decision decision(const Conclusion& c, const Validation& v) {
+  using Reason = Conclusion::Reason;
+  const auto number = [&](const char* key) { return c.numbers.at(key); };
+  const std::string by_chance = fmt::format("p of {} or more", unlikely);
+  const std::string small = fmt::format("a correlation below {:.1f}", counts::correlation);
+  switch (c.reason) {
+    case Reason::white:
+    case Reason::inputs_explain_nothing:
+      return {probability(number("p")), by_chance};
+    case Reason::correlated:
+    case Reason::inputs_explain_part:
+      return {fmt::format("{}, correlation {}", probability(number("p")), figure(number("correlation"), 3)),
+              fmt::format("{}, or {}", by_chance, small)};
+    case Reason::correlated_on_average:
+      return {
+          fmt::format("correlation {} on average over the steps, beyond its bound", figure(number("correlation"), 3)),
+          fmt::format("no correlation beyond 1.5 times its bound, or {}", small)};
+    case Reason::size_as_stated:
+    case Reason::size_of_experiments:
+      return {fmt::format("{} times, {}", figure(number("ratio"), 3), probability(number("p"))),
+              fmt::format("{:.0f} times the stated covariance or less, for p of {} or more", NormalisedSquares::wild,
+                          unlikely)};
+    case Reason::size_slightly_smaller:
+    case Reason::size_smaller:
+    case Reason::size_slightly_larger:
+    case Reason::size_larger:
+    case Reason::size_overconfident:
+      return {
+          fmt::format("{} times, {}", figure(number("ratio"), 3), probability(number("p"))),
+          fmt::format("{:.0f} times the stated covariance or less, for p below {}", counts::overconfident, unlikely)};
+    default:
+      return gains_decision(c, v.gains);
+  }
 }
 
 // Makes the checks in their order. The most severe check determines the status.
@@ -95,7 +150,7 @@ class Assessment {
     verdict_.trust = Trust::good;
     for (const Check& check : verdict_.checks) {
       verdict_.trust = std::max(verdict_.trust, check.result.value_or(Trust::good));
-      for (const std::string& reason : check.reasons) reasons.emplace_back(*check.result, reason);
+      for (const VerdictReason& reason : check.reasons) reasons.emplace_back(reason.trust, reason.text);
     }
     std::stable_sort(reasons.begin(), reasons.end(), [](const auto& a, const auto& b) { return a.first > b.first; });
     for (auto& [trust, text] : reasons) verdict_.reasons.push_back(std::move(text));
@@ -114,7 +169,7 @@ class Assessment {
   }
   static void against(Check& check, Trust trust, std::string reason) {
     check.result = std::max(check.result.value_or(trust), trust);
-    check.reasons.push_back(std::move(reason));
+    check.reasons.push_back({trust, std::move(reason)});
   }
   void add(Check check) { verdict_.checks.push_back(std::move(check)); }
 
@@ -203,7 +258,12 @@ class Assessment {
       against(result, Trust::distrust, "The simulation overflows: the model is unstable over its steps.");
       return result;
     }
-    if (simulation >= bounds::good_fit || std::isinf(simulation)) return result;
+    if (std::isinf(simulation)) {
+      against(result, Trust::look_closer,
+              "No output varies over the simulated steps, so that the fit of the simulation says nothing.");
+      return result;
+    }
+    if (simulation >= bounds::good_fit) return result;
     const std::string output = name_of_worst(simulation_);
     const double exact = least(of_moving(found_.deciding.expected_simulation));
     const std::string promise =
@@ -246,6 +306,10 @@ class Assessment {
     const std::string exact = fmt::format("those of an exact model would fit {}", percent_range(of_moving(h.expected)));
     if (!h.fit.rmse.allFinite())
       against(result, Trust::distrust, fmt::format("The predictions {} overflow.", ahead));
+    else if (std::isinf(fit))
+      against(
+          result, Trust::look_closer,
+          fmt::format("No output varies over the steps of the predictions {}, so that their fit says nothing.", ahead));
     else if (fit < bounds::good_fit && noise_explains(deciding_, h.expected))
       against(result, Trust::look_closer,
               fmt::format("{}, and the noise that the model states allows no more.", found));
@@ -258,7 +322,7 @@ class Assessment {
 
   Check input_effect_check() const {
     const DecidingHorizon& h = found_.deciding;
-    Check result = check("input_effect", "Effect of the inputs within the deciding predictions, over their errors",
+    Check result = check("input_effect", "Effect of the inputs on the predictions, relative to the prediction error",
                          figure(h.inputs, 3), fmt::format("{:.1f} or more", bounds::inputs_show));
     if (h.inputs < bounds::inputs_show)
       against(result, Trust::look_closer,
@@ -280,7 +344,7 @@ class Assessment {
   bool fits() {
     const Validation& v = found_.validation;
     const Index moving = model_.outputs - Index(found_.constant_outputs.size());
-    Check outputs = check("outputs", "Outputs that move and have samples to compare",
+    Check outputs = check("outputs", "Outputs that vary and have samples to compare",
                           count_of(moving, model_.outputs, "output"), "all");
     if (v.simulation.samples == 0 && v.one_step.samples == 0) {
       outputs.found = "no samples";
@@ -290,7 +354,7 @@ class Assessment {
       return false;
     }
     if (moving == 0) {
-      nothing_tested(std::move(outputs), fmt::format("Nothing was tested: no output moves in {}.", tested()),
+      nothing_tested(std::move(outputs), fmt::format("Nothing was tested: no output varies in {}.", tested()),
                      "Constant outputs say nothing about the model, however well it reproduces them.");
       return false;
     }
@@ -323,6 +387,8 @@ class Assessment {
     if (v.one_step.samples == 0) return untested("one_step_fit", "One-step prediction fit", "no predictions", needed);
     Check result = check("one_step_fit", "One-step prediction fit", percent_range(one_step_), needed);
     const double one_step = least(one_step_);
+    if (v.one_step.rmse.allFinite() && std::isinf(one_step))
+      return untested("one_step_fit", "One-step prediction fit", "no output varies over the predicted steps", needed);
     if (!v.one_step.rmse.allFinite())
       against(result, Trust::distrust, "The predictions overflow: the observer does not follow these data.");
     else if (one_step < bounds::poor_fit) {
@@ -334,22 +400,33 @@ class Assessment {
     return result;
   }
 
-  // "0.43 at step 12", the largest of the values
+  // "0.43 at step 12", the largest of the values. At least one of them is known.
   static std::string largest(const std::vector<double>& values, const std::function<std::string(Index)>& name) {
     Index most = -1;
     for (size_t i = 0; i < values.size(); ++i)
       if (!std::isnan(values[i]) && (most < 0 || values[i] > values[size_t(most)])) most = Index(i);
-    return most < 0 ? "no errors" : fmt::format("{} at {}", figure(values[size_t(most)], 3), name(most));
+    return fmt::format("{} at {}", figure(values[size_t(most)], 3), name(most));
   }
   static std::string step_name(Index k) { return fmt::format("step {}", k); }
 
+  // Why the largest of some errors is not compared with their median; empty if it is. The upper median of one or two
+  // values is the largest of them, so that none can exceed a multiple of it.
+  static std::string no_median(const std::vector<double>& values, std::string_view noun) {
+    constexpr Index fewest = 3;
+    const Index known = std::count_if(values.begin(), values.end(), [](double v) { return !std::isnan(v); });
+    if (known == 0) return "no errors known";
+    return known < fewest ? fmt::format("errors of {} only, at least {} needed", plural(known, noun), fewest) : "";
+  }
+
   Check error_peak_check() const {
-    Check result = check(
-        "error_peaks", "Largest one-step error of a step, relative to its limit",
-        largest(found_.step_excess, step_name),
-        fmt::format("1 or less; the limit is the largest of {:.0f} times the median, {:.0f} % of the spread of the "
-                    "outputs and {:.0f} times what the model states",
-                    bounds::error_peak, 100 * bounds::error_floor, bounds::error_stated));
+    const char* subject = "Largest one-step error of a step, relative to its limit";
+    const std::string needed = fmt::format(
+        "1 or less; the limit is the largest of {:.0f} times the median, {:.0f} % of the spread of the "
+        "outputs and {:.0f} times what the model states",
+        bounds::error_peak, 100 * bounds::error_floor, bounds::error_stated);
+    if (const std::string why = no_median(found_.step_excess, "step"); !why.empty() && found_.error_peaks.empty())
+      return untested("error_peaks", subject, why, needed);
+    Check result = check("error_peaks", subject, largest(found_.step_excess, step_name), needed);
     if (!found_.error_peaks.empty())
       against(result, Trust::look_closer,
               fmt::format("One-step errors at {} are more than {:.0f} times the median.", step_list(found_.error_peaks),
@@ -361,7 +438,10 @@ class Assessment {
     const char* subject = "Largest one-step error of a step, relative to that of the identification";
     const std::string needed = fmt::format("{:.0f} or less", bounds::beyond_noise);
     if (std::all_of(found_.noise_excess.begin(), found_.noise_excess.end(), [](double e) { return std::isnan(e); }))
-      return untested("beyond_noise", subject, "not known", needed);
+      return untested("beyond_noise", subject,
+                      model_.has(&Step::has_innovation_cov) ? "no covariance that is certain enough"
+                                                            : "the model states no covariance",
+                      needed);
     Check result = check("beyond_noise", subject, largest(found_.noise_excess, step_name), needed);
     if (!found_.beyond_noise.empty())
       against(result, Trust::look_closer,
@@ -372,12 +452,18 @@ class Assessment {
   }
 
   Check outlier_check() const {
+    const char* subject = "Largest error of an experiment, relative to its limit";
+    const std::string needed = fmt::format(
+        "1 or less; the limit is the larger of {:.0f} times the median and {:.0f} % of the spread of the "
+        "outputs",
+        bounds::outlier, 100 * bounds::error_floor);
+    if (const std::string why = no_median(found_.experiment_excess, "experiment");
+        !why.empty() && found_.outliers.empty())
+      return untested("outliers", subject, why, needed);
     Check result = check(
-        "outliers", "Largest error of an experiment, relative to its limit",
+        "outliers", subject,
         largest(found_.experiment_excess, [&](Index n) { return fmt::format("experiment {}", found_.experiment(n)); }),
-        fmt::format("1 or less; the limit is the larger of {:.0f} times the median and {:.0f} % of the spread of the "
-                    "outputs",
-                    bounds::outlier, 100 * bounds::error_floor));
+        needed);
     if (!found_.outliers.empty())
       against(result, Trust::look_closer,
               fmt::format(
@@ -453,7 +539,9 @@ class Assessment {
   }
 
   std::string constancy(const WeakInput& weak) const {
-    if (weak.always) return fmt::format("input {} is the same in all experiments", found_.names.input(weak.input));
+    if (weak.always)
+      return fmt::format("input {} is {}", found_.names.input(weak.input),
+                         found_.inputs_over_time ? "constant in these data" : "the same in all experiments");
     return fmt::format("input {} is nearly the same in all experiments at {}", found_.names.input(weak.input),
                        step_list(weak.steps));
   }
@@ -517,9 +605,19 @@ class Assessment {
 
   // The reasons of condition_check() name an input that explains an ill-conditioned step.
   Check weak_input_check(const std::vector<const WeakInput*>& causes) {
-    const Index weak_inputs = Index(found_.weak_inputs.size());
-    Check result = check("inputs", "Inputs that vary between the experiments at every step",
-                         count_of(model_.inputs - weak_inputs, model_.inputs, "input"), "all");
+    const char* subject = found_.inputs_over_time ? "Inputs that vary over time or between the experiments"
+                                                  : "Inputs that vary between the experiments at every step";
+    if (model_.inputs == 0) return untested("inputs", subject, "the model has no inputs", "all");
+    if (found_.assessed_inputs == 0)
+      return untested("inputs", subject,
+                      found_.inputs_over_time ? "too few samples of the inputs"
+                                              : "samples of fewer than 3 experiments at every step",
+                      "all");
+    const Index varying = found_.assessed_inputs - Index(found_.weak_inputs.size());
+    Check result = check("inputs", subject, count_of(varying, found_.assessed_inputs, "input"), "all");
+    if (found_.assessed_inputs < model_.inputs)
+      result.found +=
+          fmt::format(", too few samples of {}", plural(model_.inputs - found_.assessed_inputs, "other input"));
     if (!causes.empty()) result.result = Trust::look_closer;
     for (const WeakInput& weak : found_.weak_inputs) {
       if (std::find(causes.begin(), causes.end(), &weak) != causes.end()) continue;
@@ -564,28 +662,26 @@ class Assessment {
 
   void innovations() {
     const Conclusions& c = found_.conclusions;
-    const auto test = [&](const char* subject, const Conclusion& conclusion, std::string needed) {
+    const auto test = [&](const char* subject, const Conclusion& conclusion, std::string_view rule) {
       const char* name = to_string(conclusion.test);
       if (conclusion.result == TestResult::untested) {
-        add(untested(name, subject, in_words(conclusion), std::move(needed)));
+        add(untested(name, subject, in_words(conclusion), std::string(rule)));
         return;
       }
-      const std::string figures = figures_of(conclusion);
-      Check result = check(name, subject, figures.empty() ? in_words(conclusion) : figures, std::move(needed));
+      if (const auto p = conclusion.numbers.find("p"); p != conclusion.numbers.end() && std::isnan(p->second)) {
+        add(untested(name, subject, "too few samples for a probability", std::string(rule)));
+        return;
+      }
+      Decision decided = decision(conclusion, found_.validation);
+      Check result = check(name, subject, std::move(decided.found), std::move(decided.needed));
       if (conclusion.result == TestResult::against)
         against(result, Trust::look_closer, fmt::format("{}: {}.", subject, in_words(conclusion)));
       add(std::move(result));
     };
-    const std::string chance =
-        fmt::format("p of {} or more, or a correlation below {:.1f}", unlikely, counts::correlation);
-    test("Whiteness of the innovations", c.whiteness, chance);
-    test("Inputs and innovations", c.independence, chance);
-    test("Effects of the inputs", c.gains,
-         fmt::format("errors within chance, or a change of the simulation below {:.0f} %; known to {:.0f} %",
-                     100 * counts::gain, 100 * counts::gain_unknown));
-    test(
-        "Squared innovations", c.nis,
-        fmt::format("p of {} or more, or {:.0f} times the stated covariance or less", unlikely, counts::overconfident));
+    test("Whiteness of the innovations", c.whiteness, "no correlation in time");
+    test("Inputs and innovations", c.independence, "no correlation with past and present inputs");
+    test("Effects of the inputs", c.gains, "those of the model");
+    test("Squared innovations", c.nis, "those that the model states");
   }
 
   const Model& model_;

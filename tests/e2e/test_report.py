@@ -99,6 +99,7 @@ def number(values):
     return np.array(values, float)  # null becomes NaN
 
 
+# Rounding to six digits changes a number by at most 5e-6 of it. The rest is for rounding errors of both sides.
 six_digits = {"rtol": 5.1e-6, "atol": 1e-12}
 
 
@@ -241,15 +242,17 @@ def test_checks_decide_the_verdict(tokid, oscillator, tmp_path):
     arrays["u"], arrays["y"] = arrays["u"][:2], arrays["y"][:2]
     np.savez(tmp_path / "bad.npz", **arrays)
     for data, status, failed in ((oscillator / "fresh.npz", "good", set()),
-                                 (tmp_path / "bad.npz", "look closer", {"outputs", "experiments", "channels"})):
+                                 (tmp_path / "bad.npz", "don't trust",
+                                  {"outputs", "one_step_fit", "error_peaks", "experiments", "rank", "channels",
+                                   "whiteness", "gains", "nis"})):
         page = tmp_path / "page.html"
         printed = tokid("report", oscillator / "model.npz", data, "-o", page).stdout
         checks = data_of(page)["checks"]
-        assert {check["name"] for check in checks if check["result"] not in ("good", None)} >= failed
+        assert {check["name"] for check in checks if check["result"] not in ("good", None)} == failed
         severity = ["good", "look closer", "don't trust"]
         worst = max((check["result"] for check in checks if check["result"]), key=severity.index)
         assert re.search(r"^Verdict +(.*)$", printed, re.M).group(1) == worst
-        assert worst == status or failed
+        assert worst == status
         words = {"good": "✓\xa0passed", "look closer": "!\xa0look closer", "don't trust": "✗\xa0don’t trust",
                  None: "–\xa0not tested"}
         shown = table_of(page, "Checks of the verdict")
@@ -281,8 +284,8 @@ def test_all_experiments_are_shown_the_worst_first(tokid, oscillator, tmp_path):
     assert found["horizon"] == 0 and found["x"] == [*range(1, 1001), *range(1001, 2601, 2)]
     rows = np.array(found["row"])
     np.testing.assert_array_equal(rows, order[np.array(found["x"]) - 1])
-    np.testing.assert_allclose(found["simulation"], simulation[rows], rtol=1e-5)
-    np.testing.assert_allclose(found["one_step"], one_step[rows], rtol=1e-5)
+    np.testing.assert_allclose(found["simulation"], simulation[rows], **six_digits)
+    np.testing.assert_allclose(found["one_step"], one_step[rows], **six_digits)
     assert rows[0] == 1234 and found["outlying"] == [True] + [False] * (len(rows) - 1)
     assert found["limit"] == pytest.approx(max(0.05, 10 * np.sort(simulation)[1300]), rel=1e-5)
     shown = table_of(page, "RMS errors relative to the spread of the outputs")
@@ -402,7 +405,7 @@ def test_bands_of_the_responses(tokid, tmp_path):
                              for start in found["starts"]])
         held = ((lower <= expected) & (expected <= upper)).mean()
         assert 0.8 < held < 1
-    assert "The bands hold each value" in page.read_text(encoding="utf-8")
+    assert "probability (pointwise)" in page.read_text(encoding="utf-8")
     tokid("report", tmp_path / "model.npz", tmp_path / "fresh.npz", "-o", page)
     assert "no confidence bands" in page.read_text(encoding="utf-8")
     result = tokid("report", tmp_path / "model.npz", tmp_path / "fresh.npz", "-o", page, "--bands",
@@ -434,6 +437,8 @@ def test_frozen_frequency_response(tokid, tmp_path):
                              for w in frequencies])
         for magnitude, phase in zip(found["magnitude"], found["phase"]):
             response = np.array(magnitude[0]) * np.exp(1j * np.deg2rad(phase[0]))
+            # Six digits of magnitude and frequency, and phases up to 180 degrees with an error of 5e-4 degrees. The
+            # response changes by up to 1/(2ζ) times the relative change of the frequency.
             np.testing.assert_allclose(response, expected, rtol=1e-4)
             assert np.abs(np.diff(phase[0])).max() < 180
 
@@ -463,6 +468,7 @@ def test_models_are_compared_over_the_same_samples(tokid, oscillator, tmp_path):
         for column, computed in ((2, simulate(model, data["u"])), (3, predict(model, data["u"], data["y"])),
                                  (4, predict(model, data["u"], data["y"], 3))):
             expected = fit(tested, computed[:, from_step:])
+            # The table cuts percentages after one digit.
             np.testing.assert_allclose([float(row[column].split()[0].replace("−", "-")) for row in rows], expected, atol=0.11)
     for j in range(2):
         best = [row[5] for row in shown[3 * j:3 * j + 3]]

@@ -84,7 +84,7 @@
     const curves = [
       {label: "Simulation", colour: "--c-blue", values: e.simulation, points},
       {label: "One-step prediction", colour: "--c-orange", values: e.one_step, points, dash: [5, 3]}];
-    if (e.horizon) curves.push({label: `${e.horizon} steps ahead`, colour: "--c-green", values: e.deciding, points});
+    if (e.horizon > 1) curves.push({label: `${e.horizon} steps ahead`, colour: "--c-green", values: e.deciding, points});
     if (e.outlying.some(is => is))
       curves.push({label: "Limit of outlying errors", colour: "--c-faint", values: e.x.map(() => e.limit), width: 1.2, dash: [2, 3]});
     if (outlying.some(v => v !== null))
@@ -345,8 +345,8 @@
     const labels = found.steps.map(k => `At ${time_of(k)}`);
     for (const [name, log] of [["magnitude", true], ["phase", false]])
       add_responses({
-        name, log, tall: 230, x: found.frequencies, x_log: true, x_label: "Frequency [rad/s]",
-        where_of: i => `${short(found.frequencies[i])} rad/s, ${short(found.frequencies[i] / (2 * Math.PI))} Hz`
+        name, log, tall: 230, x: found.frequencies, x_log: true, x_label: `Frequency [${found.timed ? "rad/s" : "rad per step"}]`,
+        where_of: i => `${short(found.frequencies[i])} ${found.timed ? "rad/s" : "rad per step"}, ${short(found.frequencies[i] / (2 * Math.PI))} ${found.timed ? "Hz" : "per step"}`
       }, labels, found[name].map(pairs => pairs[pair]), chosen, null);
   }
 
@@ -392,7 +392,7 @@
       {label: "99 % bound", colour: "--c-faint", values: bound, dash: [4, 4]},
       {label: "", silent: true, colour: "--c-faint", values: bound.map(v => v === null ? null : -v), dash: [4, 4]}];
     shown.correlation.forEach((values, j) => curves.push(correlation_of(values, j)));
-    add({name: "inputs-lags", x_label: "Lag: the input acts so many steps before", tall: 220, x: bound.map((_, l) => found.first + l), curves, scale: symmetric});
+    add({name: "inputs-lags", x_label: "Lag [steps] of the input before the innovation", tall: 220, x: bound.map((_, l) => found.first + l), curves, scale: symmetric});
   }
 
   function setup_input_correlation() {
