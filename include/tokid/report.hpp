@@ -69,9 +69,9 @@ struct VerdictReason {
 
 // A check of the verdict, in words.
 struct VerdictCheck {
-  std::string name;             // "simulation_fit", …; docs/formats.md lists the names
-  std::string subject;          // what is checked
-  std::string found, needed;    // the figure of these data, and its bound; found: why not, if it is not tested
+  std::string name;           // "simulation_fit", …; docs/formats.md lists the names
+  std::string subject;        // what is checked
+  std::string found, needed;  // the figure of these data, and its bound; `found` gives the reason of an untested check
   std::optional<Trust> result;  // good: passed; empty: not tested
   // Why it did not pass. Empty if it passed, or if another check has the reason.
   std::vector<VerdictReason> reasons;
