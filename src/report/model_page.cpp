@@ -6,8 +6,10 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 #include "base/json.hpp"
+#include "base/statistics.hpp"
 #include "io/formats/provenance_text.hpp"
 #include "report/assets.hpp"
 #include "report/evidence.hpp"
@@ -122,8 +124,8 @@ class Report {
     if (comparison_.models.empty()) std::erase_if(page.links, [](const Link& link) { return link.id == "models"; });
     page.body = verdict_section() + checks_section() + setup_section() + fit_section() + comparison_section() +
                 experiments_section() + outputs_section() + order_section() + regression_section() + pole_section() +
-                responses_section() + matrix_section() + whiteness_section() + input_correlation_section() +
-                notes_section();
+                modes_section() + responses_section() + matrix_section() + whiteness_section() +
+                input_correlation_section() + notes_section();
     page.data = plots_.json;
     page.script = assets::report_js();
     return document(page);
@@ -659,6 +661,57 @@ class Report {
     return facts.html();
   }
 
+  std::string modes_section() const {
+    if (!plots_.modes)
+      return section("modes", "Modes over time",
+                     paragraph(model_.states() == 0 ? "The model has no states, and so no modes."
+                                                    : "The model has too few steps for modes with the time frozen."));
+    const Modes& modes = *plots_.modes;
+    const std::string text = fmt::format(
+        "Natural frequencies and damping ratios with the time frozen, in coordinates that the outputs of {} steps define. "
+        "A mode is valid at a step if it varies by at most {:.3g} while it turns by one radian, and is the same in another "
+        "window of outputs. Where it is not valid, its curve is faint and means little. "
+        "<code>tokid modes --confidence</code> gives intervals.",
+        modes.window, modes.slow);
+    return section("modes", "Modes over time",
+                   "<p>" + text + "</p>\n" + "<div class=\"two\"><div>" +
+                       plot_place("frequency", "Natural frequencies of the modes over the steps",
+                                  timed() ? "Natural frequency [rad/s]" : "Natural frequency [rad per step]") +
+                       "</div>\n<div>" +
+                       plot_place("damping", "Damping ratios of the modes over the steps", "Damping ratio") +
+                       "</div></div>\n" + mode_table());
+  }
+
+  // The median over the steps at which a mode is valid.
+  std::string mode_table() const {
+    constexpr Index most = 12;
+    const Modes& modes = *plots_.modes;
+    const Matrix frequency = natural_frequencies(modes), damping = damping_ratios(modes);
+    Table table({{"Mode"},
+                 {timed() ? "Frequency [rad/s]" : "Frequency [rad per step]"},
+                 {timed() ? "Frequency [Hz]" : "Frequency [per step]"},
+                 {"Damping ratio"},
+                 {"Valid steps"}},
+                fmt::format("Medians over the valid ones of {}", plural(modes.steps(), "step")));
+    for (Index i = 0; i < std::min(most, modes.count()); ++i) {
+      std::vector<double> frequencies, dampings;
+      Index leading = 0;
+      for (Index k = 0; k < modes.steps(); ++k) {
+        if (modes.poles(k, i).imag() < 0) continue;  // the second one of a pair
+        ++leading;
+        if (!modes.valid(k, i)) continue;
+        frequencies.push_back(frequency(k, i));
+        dampings.push_back(damping(k, i));
+      }
+      if (leading == 0) continue;
+      const Index valid = Index(frequencies.size());
+      const double middle = statistics::median(std::move(frequencies));
+      table.row({fmt::format("{}", i + 1), figure(middle, 3), figure(middle / (2 * std::numbers::pi), 3),
+                 figure(statistics::median(std::move(dampings)), 3), fmt::format("{}", valid)});
+    }
+    return fmt::format("<details><summary>As a table</summary>\n{}</details>\n", table.html());
+  }
+
   std::string responses_section() const {
     if (model_.inputs == 0) return section("responses", "Responses", paragraph("The model has no inputs."));
     std::string body = paragraph(
@@ -713,7 +766,7 @@ class Report {
     const std::string heading = "<h3>Frozen frequency response</h3>\n";
     if (model_.states() == 0)
       return heading + paragraph("The model has no states: its outputs follow the inputs at once.");
-    if (frozen.too_short)
+    if (!plots_.modes)
       return heading + paragraph("Not shown: the model has too few steps for modes with the time frozen.");
     if (frozen.steps.empty())
       return heading +

@@ -27,6 +27,7 @@ constexpr Index most_entry_numbers = 60'000;  // of A_k, and as many of G_k
 constexpr Index most_poles = 50'000;
 constexpr Index most_heat_columns = 1200, most_heat_rows = 32;
 constexpr Index most_states_shown = 12;
+constexpr Index most_modes = 12, most_mode_numbers = 60'000;
 constexpr Index most_response_channels = 12;
 constexpr Index most_correlated_inputs = 24, most_correlated_outputs = 12;
 constexpr size_t most_finding_steps = 10'000;
@@ -205,7 +206,7 @@ class Collector {
         found_(found),
         comparison_(comparison),
         options_(options),
-        plots_{{}, {}, pole_frame(model), {}, {}} {}
+        plots_{{}, {}, pole_frame(model), {}, {}, {}} {}
 
   Plots collect(const Verdict& verdict) {
     json_["dt"] = rounded(data_.dt);
@@ -227,6 +228,7 @@ class Collector {
     poles();
     entries();
     responses();
+    modes_over_time();
     frozen();
     whiteness();
     input_correlation();
@@ -576,11 +578,41 @@ class Collector {
     json_["responses"] = std::move(list);
   }
 
+  // Natural frequencies [rad/s] and damping ratios of the modes over time, with one curve where a mode is valid and one
+  // where it is not. A conjugate pair is one mode.
+  void modes_over_time() {
+    plots_.modes = modes_of_page(model_);
+    json_["modes"] = nullptr;
+    if (!plots_.modes) return;
+    const Modes& found = *plots_.modes;
+    const Matrix frequency = natural_frequencies(found), damping = damping_ratios(found);
+    const Index count = std::min(found.count(), most_modes);
+    if (count < found.count()) omit("Of {} modes the slowest {} are drawn.", found.count(), count);
+    const Grid grid = make_grid(found.begin, found.steps(), points_for(4 * count, most_mode_numbers));
+    Json list = Json::array();
+    for (Index i = 0; i < count; ++i) {
+      const auto part = [&](const Matrix& values, bool valid) {
+        return curve(grid, [&](Index step) {
+          const Index k = step - found.begin;
+          const bool leads = !(found.poles(k, i).imag() < 0);
+          return leads && found.valid(k, i) == valid ? values(k, i) : nan;
+        });
+      };
+      if ((found.poles.col(i).imag().array() < 0).all()) continue;  // the second one of a pair
+      list.push_back({{"mode", i + 1},
+                      {"frequency", part(frequency, true)},
+                      {"other_frequency", part(frequency, false)},
+                      {"damping", part(damping, true)},
+                      {"other_damping", part(damping, false)}});
+    }
+    json_["modes"] = {{"x", grid.x}, {"stretch", grid.stretch}, {"modes", list}};
+  }
+
   // Magnitude and phase [degrees] of the frozen frequency responses. The phase of a curve has no jumps of 360 degrees.
   void frozen() {
     json_["frozen"] = nullptr;
-    if (model_.inputs == 0 || model_.states() == 0) return;
-    plots_.frozen = frozen_responses(model_);
+    if (model_.inputs == 0 || !plots_.modes) return;
+    plots_.frozen = frozen_responses(model_, *plots_.modes);
     const FrozenResponses& found = plots_.frozen;
     if (found.steps.empty()) return;
     const Index outputs = std::min(model_.outputs, most_response_channels);

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -59,6 +60,7 @@ struct Plots {
   std::string json;
   std::vector<std::string> omitted;  // sentences on what the page does not show
   Framed frame;
+  std::optional<Modes> modes;  // modes_of_page()
   FrozenResponses frozen;
   std::vector<Radius> radius;  // if finite: of the steps in the frame with as many states before as after
 };

@@ -69,13 +69,15 @@ std::vector<Index> response_starts(const Model& model) {
   return spread(all, most);
 }
 
-FrozenResponses frozen_responses(const Model& model) {
-  FrozenResponses result;
+std::optional<Modes> modes_of_page(const Model& model) {
   const ModesOptions options;
-  result.limit = options.slow;
-  result.too_short = !modes_of::has_window(model, options.window);
-  if (result.too_short) return result;
-  const Modes found = modes(model, options);
+  if (model.states() == 0 || !modes_of::has_window(model, options.window)) return std::nullopt;
+  return modes(model, options);
+}
+
+FrozenResponses frozen_responses(const Model& model, const Modes& found) {
+  FrozenResponses result;
+  result.limit = found.slow;
   result.all = found.steps();
   std::vector<Index> slow;
   double slowest = std::numeric_limits<double>::infinity();
@@ -93,7 +95,7 @@ FrozenResponses frozen_responses(const Model& model) {
   result.frequencies.resize(most_frequencies);
   for (Index i = 0; i < most_frequencies; ++i)
     result.frequencies(i) = lowest * std::pow(highest / lowest, double(i) / double(most_frequencies - 1));
-  const modes_of::Frozen frozen(model, options.window);
+  const modes_of::Frozen frozen(model, found.window);
   for (const Index k : spread(slow, most)) {
     const Step system = frozen.whole(k);
     if (system.states() == 0) continue;  // the window does not determine the state

@@ -3,9 +3,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "tokid/modes.hpp"
 #include "tokid/report.hpp"
 
 namespace tokid::report {
@@ -32,8 +34,10 @@ struct FrozenResponses {
   std::vector<std::vector<Eigen::MatrixXcd>> response;  // (S) of (F) of (m × r)
   Index slow = 0, all = 0;                              // steps at which all modes are valid, and all steps with modes
   double limit = 0.0;                                   // largest variation of a valid mode, as in ModesOptions
-  bool too_short = false;                               // the model has too few steps for modes
 };
-FrozenResponses frozen_responses(const Model& model);
+FrozenResponses frozen_responses(const Model& model, const Modes& modes);
+
+// The modes of a page, with the options of the frozen responses; empty if the model has no states, or too few steps.
+std::optional<Modes> modes_of_page(const Model& model);
 
 }  // namespace tokid::report

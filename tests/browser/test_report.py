@@ -10,7 +10,7 @@ import pytest
 from drawn import READABLE, coloured, of_colour, picture, positions, rgb, undrawn, variable, within
 from playwright.sync_api import expect
 
-TIME_PLOTS = {"outputs", "errors", "inputs", "order", "condition", "rank", "step", "radius", "gain", "a"}
+TIME_PLOTS = {"outputs", "errors", "inputs", "order", "condition", "rank", "step", "radius", "frequency", "damping", "gain", "a"}
 OTHER_PLOTS = {"poles", "whiteness", "inputs-lags", "experiments", "pulse", "step-response"}
 NASTY = ["</script><script>alert(1)</script>", "<img src=x onerror=alert(2)>", "\"quoted\" 'name' & co \\u003c 🛩",
          "a name of very great length " * 12]

@@ -384,6 +384,38 @@ def test_plotted_responses_are_those_of_the_model(plotted):
             np.testing.assert_allclose(number(pairs), expected, rtol=5.1e-6, atol=1e-9 * np.abs(expected).max())
 
 
+@pytest.mark.parametrize("slow", [True, False])
+def test_plotted_modes_are_those_of_the_tool(tokid, tmp_path, slow):
+    """Of a slow system, whose modes are valid, and of the oscillator, where they are not."""
+    if slow:
+        rng = np.random.default_rng(5)
+        A = np.array([[0.97, 0.2, 0.0], [-0.2, 0.97, 0.0], [0.0, 0.0, 0.9]]) * 0.99
+        B, C, x = rng.standard_normal((3, 2)), rng.standard_normal((2, 3)), np.zeros((16, 3))
+        u, y = rng.standard_normal((16, 60, 2)), np.zeros((16, 60, 2))
+        for k in range(60):
+            y[:, k] = x @ C.T + 0.01 * rng.standard_normal((16, 2))
+            x = x @ A.T + u[:, k] @ B.T
+        np.savez(tmp_path / "data.npz", u=u, y=y, dt=0.05, initial_state="zero")
+        options = ["--states", 3, "--no-refine"]
+    else:
+        tokid("example", "oscillator", "-o", tmp_path / "data.npz", "--experiments", 30, "--measurement-noise", 0.01)
+        options = ["--states", 4, "--no-refine"]
+    tokid("identify", tmp_path / "data.npz", "-o", tmp_path / "model.npz", *options)
+    tokid("report", tmp_path / "model.npz", tmp_path / "data.npz", "-o", tmp_path / "page.html")
+    shown, found = data_of(tmp_path / "page.html")["modes"], tokid.json("modes", tmp_path / "model.npz")
+    valid, leads = np.array(found["valid"]), ~(number(found["poles_imag"]) < 0)
+    assert shown["stretch"] == 1 and shown["x"] == list(range(found["begin"], found["begin"] + len(valid)))
+    assert [mode["mode"] - 1 for mode in shown["modes"]] == list(np.flatnonzero(leads.any(axis=0)))
+    assert valid.any() == slow
+    pole = number(found["poles_real"]) + 1j * number(found["poles_imag"])
+    for mode in shown["modes"]:
+        i = mode["mode"] - 1
+        for name, expected in (("frequency", abs(pole[:, i])), ("damping", -pole[:, i].real / abs(pole[:, i]))):
+            for key, there in ((name, valid[:, i]), (f"other_{name}", ~valid[:, i])):
+                # Numbers of the page have six digits.
+                np.testing.assert_allclose(number(mode[key]), np.where(there & leads[:, i], expected, np.nan), rtol=5.1e-6)
+
+
 def test_bands_of_the_responses(tokid, tmp_path):
     """They hold the truth about as often as stated, and surround the responses of the model."""
     noise = ["--steps", 24, "--measurement-noise", 0.1]

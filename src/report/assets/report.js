@@ -311,6 +311,18 @@
     draw_radius();
   }
 
+  // Natural frequencies and damping ratios. A mode is faint where it is not valid.
+  function setup_modes() {
+    const found = data.modes;
+    if (!found) return;
+    for (const name of ["frequency", "damping"]) {
+      const curves = found.modes.flatMap((mode, i) => [
+        {label: `Mode ${mode.mode}`, colour: palette[i % palette.length], dash: dashes[Math.floor(i / palette.length) % dashes.length], values: mode[name], width: 2, points: true, size: 3},
+        {label: "", silent: true, colour: "--c-faint", values: mode[`other_${name}`], width: 1.2, points: true, size: 3}]).filter(curve => curve.values.some(value => value !== null));
+      add({name, shared: true, tall: 230, x: found.x, stretch: found.stretch, zero: name === "frequency", curves});
+    }
+  }
+
   // Responses to pulses and steps, and frozen frequency responses. The chosen step is strong, the others are faint.
 
   const response_input = at("response-input"), response_output = at("response-output");
@@ -410,6 +422,7 @@
   setup_entries("gain", "G", data.gain, at("gain-row"));
   setup_entries("a", "A", data.A, at("a-row"));
   setup_poles();
+  setup_modes();
   setup_responses();
   draw_whiteness();
   setup_input_correlation();
