@@ -83,7 +83,7 @@ void add_experiments(const Model& model, const Ensemble& data, const ExperimentF
 }
 
 std::string report(const Call& call, const Model& model, const Ensemble& data, const Validation& v,
-                   const ExperimentFits& experiments, const std::optional<CrossValidation>& cross) {
+                   const std::optional<CrossValidation>& cross) {
   Page page;
   page.row("Model", call.model.string());
   page.row("", describe(model));
@@ -96,7 +96,7 @@ std::string report(const Call& call, const Model& model, const Ensemble& data, c
   add_table(call, model, v, &Fit::fit, percent, page);
   page.row("RMS error", "");
   add_table(call, model, v, &Fit::rmse, number, page);
-  if (v.noisy) add_experiments(model, data, experiments, page);
+  if (v.noisy) add_experiments(model, data, experiment_fits(model, data, call.options), page);
   const Conclusions found = conclusions(v, model.names);
   page.row("Innovations", in_words(found.nis));
   page.row("Whiteness", in_words(found.whiteness));
@@ -154,7 +154,7 @@ Json json(const Ensemble& data, const ExperimentFits& fits) {
 }
 
 Json json(const Call& call, const Model& model, const Ensemble& data, const Validation& v,
-          const ExperimentFits& experiments, const std::optional<CrossValidation>& cross) {
+          const std::optional<CrossValidation>& cross) {
   Json j;
   j["model"] = call.model.string();
   j["data"] = call.data.string();
@@ -173,7 +173,7 @@ Json json(const Call& call, const Model& model, const Ensemble& data, const Vali
       {"simulation", v.simulation.samples}, {"one_step", v.one_step.samples}, {"horizon", v.horizon.samples}};
   j["first_predicted"] = v.first_predicted;
   j["first_simulated"] = v.first_simulated;
-  j["worst_experiments_first"] = json(data, experiments);
+  j["worst_experiments_first"] = json(data, experiment_fits(model, data, call.options));
   j["nis"] = v.squares.ratio;
   j["nis_p"] = v.squares.p;
   j["nis_presumes_normal"] = std::isnan(v.squares.p) ? Json() : Json(v.squares.normal);
@@ -205,7 +205,6 @@ void run(const Call& call) {
   const Model model = load_model(call.model);
   const Ensemble data = load_data(model, call.data, call.read);
   Validation result = about(call.data, [&] { return validate_distinct(model, data, call.options); });
-  const ExperimentFits experiments = experiment_fits(model, data, call.options);
   Findings findings = remarks(model, data);
   append(findings, std::move(result.findings));
   append(findings, differences(model, data));
@@ -216,9 +215,9 @@ void run(const Call& call) {
   }
   result.findings = std::move(findings);
   if (call.json)
-    print(json(call, model, data, result, experiments, cross));
+    print(json(call, model, data, result, cross));
   else
-    print(report(call, model, data, result, experiments, cross));
+    print(report(call, model, data, result, cross));
   warn(result.findings);
 }
 
