@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Compares the frozen modes of identified models with the true ones. docs/modes.md has the figures.
+"""Compares the frozen modes of identified models with the true ones. docs/how-to/modes.md has the figures.
 
     bench/zoo/modal.py --tool build/bin/tokid [--plants REGEX] [--experiments N] [--seeds S] [--exact]
 
@@ -10,7 +10,7 @@ With --exact, the model is the truth in other coordinates, so that only the free
 
     bench/zoo/modal.py --write launch.npz
 
-Writes the experiments on the launch vehicle that docs/modes.md begins with.
+Writes the experiments on the launch vehicle that docs/how-to/modes.md begins with.
 """
 
 import argparse
@@ -101,7 +101,7 @@ def measure(tool, plant, condition, seed, truth, exact=False, replicates=0, opti
 
 
 def write_example(path):
-    """The experiments of docs/modes.md on the launch vehicle."""
+    """The experiments of docs/how-to/modes.md on the launch vehicle."""
     condition = Condition()
     make_data("launch", condition, truth_of("launch_vehicle", condition), path, nonlinear=False)
 
@@ -109,7 +109,7 @@ def write_example(path):
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--tool", help="path of tokid")
-    parser.add_argument("--write", metavar="FILE", help="write the experiments of docs/modes.md, and nothing else")
+    parser.add_argument("--write", metavar="FILE", help="write the experiments of docs/how-to/modes.md, and nothing else")
     parser.add_argument("--plants", default="|".join(PLANTS), help="regular expression of the names of plants")
     parser.add_argument("--experiments", type=int, default=40)
     parser.add_argument("--noise", choices=["low", "high"], default="low")

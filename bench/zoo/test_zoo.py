@@ -149,7 +149,7 @@ def test_frozen_modes_of_exact_plants(plant, modes, most):
     rows = np.array(modal.measure(os.environ["TOKID"], plant, Condition(), 1, modal.true_poles(plant_of(plant)), exact=True))
     valid = rows[~np.isnan(rows[:, 3])]
     assert len(np.unique(valid[:, 0])) == modes and len(valid) > 0.95 * len(rows)
-    # Limits above the worst errors of docs/modes.md: 0.29, 0.05 and 1.9 %.
+    # Limits above the worst errors of docs/how-to/modes.md: 0.29, 0.05 and 1.9 %.
     assert np.abs(valid[:, 3]).max() < most
 
 
@@ -158,7 +158,7 @@ def test_frozen_modes_of_an_identified_plant():
     rows = np.array(modal.measure(os.environ["TOKID"], "stiffness_jump", Condition(), 1,
                                   modal.true_poles(plant_of("stiffness_jump")), replicates=30))
     valid = rows[~np.isnan(rows[:, 3])]
-    # docs/modes.md: median 0.02 % of three ensembles. The errors of neighbouring steps are correlated.
+    # docs/how-to/modes.md: median 0.02 % of three ensembles. The errors of neighbouring steps are correlated.
     assert len(valid) > 0.9 * len(rows) and np.median(np.abs(valid[:, 3])) < 0.002
     assert valid[:, 5].mean() > 0.8
 
@@ -167,7 +167,7 @@ def test_frozen_modes_of_an_identified_plant():
 def test_frozen_modes_of_the_identified_launch_vehicle():
     """From 1.5 s on, all valid frequencies err by less than 2 %, and 95 % intervals contain the truth at 90 % of the steps.
 
-    Before that, the slosh errs by more: docs/modes.md says why.
+    Before that, the slosh errs by more: docs/how-to/modes.md says why.
     """
     truth = modal.true_poles(plant_of("launch_vehicle"))
     rows = np.vstack([modal.measure(os.environ["TOKID"], "launch_vehicle", Condition(), seed, truth, replicates=20)

@@ -16,7 +16,7 @@ function [model, evidence] = identify(varargin)
 % G n x m x S, and more: see docs/formats.md. The evidence is what 'tokid identify --json' prints, as a struct: why the
 % orders were chosen, fits, tests, conditions.
 %
-% Options are those of the tool, with _ for -; docs/guide.md explains them:
+% Options are those of the tool, with _ for -; docs/explanation/methods.md explains them:
 %   'states', 'lags'      n and p, or 'auto'
 %   'method'              'auto', 'tvera' or 'subspace'
 %   'smoothing'           lambda, Inf for one model, or 'auto'

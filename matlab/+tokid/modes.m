@@ -10,7 +10,7 @@ function found = modes(model, varargin)
 % are S x n, the first row is that of step `begin`. Columns follow modes; a conjugate pair has two columns. With data,
 % there are frequency_lower, frequency_upper, damping_lower and damping_upper. A periodic model has Floquet multipliers,
 % multipliers_real, multipliers_imag and multipliers_error, and exponents_real and exponents_imag [1/s]; with data also
-% exponents_real_lower and so on. docs/modes.md says how far to trust frozen modes. Options:
+% exponents_real_lower and so on. docs/how-to/modes.md says how far to trust frozen modes. Options:
 %   'window'      even number of steps whose outputs define the states, or 'auto'
 %   'slow'        largest variation of a valid mode (default 0.1)
 %   'level', 'replicates', 'seed'   of the intervals

@@ -5,7 +5,7 @@ function report(page, model, varargin)
 %   tokid.report('page.html', model, data, 'horizon', 10)
 %   tokid.report('page.html', 'model.npz', 'fresh.npz')
 %
-% The page is one file that loads nothing; docs/guide.md shows what is on it. What can be said of data: see
+% The page is one file that loads nothing; docs/tutorial.md shows what is on it. What can be said of data: see
 % tokid.ensemble. Options:
 %   'horizon'             steps ahead of the multi-step fit (default 10)
 %   'experiments'         experiments in the plots, at most (default 24)

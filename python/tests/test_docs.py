@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The examples of docs/python.md, docs/control.md and of the docstrings."""
+"""The examples of the pages in docs and of the docstrings."""
 
 import doctest
 import importlib
@@ -11,6 +11,7 @@ import pytest
 
 import tokid
 
+DOCS = Path(__file__).resolve().parents[2] / "docs"
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 # Those of optional packages have tests of their own.
 MODULES = [name for _, name, _ in pkgutil.iter_modules(tokid.__path__) if name.startswith("_") or name in ("results", "stages")]
@@ -27,12 +28,18 @@ def test_docstrings(name, tmp_path, monkeypatch):
         assert name == "_tokid"
 
 
-@pytest.mark.parametrize("name", ["python.md", "control.md"])
-def test_guide(name, tmp_path, monkeypatch):
+# Pictures of python-interop.md need Matplotlib: test_interop.py runs it.
+PAGES = [path for path in sorted(DOCS.rglob("*.md")) if path.name != "python-interop.md" and ">>> " in path.read_text(encoding="utf-8")]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda path: path.stem)
+def test_pages(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    page = Path(__file__).resolve().parents[2] / "docs" / name
-    found = doctest.testfile(str(page), module_relative=False, optionflags=FLAGS)
-    assert found.failed == 0 and found.attempted > 20
+    assert doctest.testfile(str(page), module_relative=False, optionflags=FLAGS, encoding="utf-8").failed == 0
+
+
+def test_pages_are_found():
+    assert {"python", "control", "modes"} <= {page.stem for page in PAGES}
 
 
 def test_readme(tmp_path, monkeypatch, capsys):

@@ -98,7 +98,7 @@ def test_pendubot(notebook, monkeypatch):
     found = notebook("pendubot")
     assert found["model"].identification.nominal and len(found["training"]) == 7
     fits = found["fits"]
-    # An ARX model varying in time has 96.8, 81.5, 60.5 and 33.5 in the mean of 15 splits (docs/guide.md).
+    # An ARX model varying in time has 96.8, 81.5, 60.5 and 33.5 in the mean of 15 splits (docs/how-to/robot.md).
     assert np.all(fits.mean(axis=1) > [95, 80, 60, 33])
     assert np.all(np.diff(fits, axis=0) < 0)
 
@@ -120,7 +120,7 @@ def test_mujoco_crane(notebook, capsys):
     table = found["table"]
     assert np.all(np.divide(table["open loop"], table["C code"]) > 1.5) and np.all(found["end_ratio"] > 5)
     # The page says what comes out, up to the digits of the machine and to times.
-    page = (ROOT / "docs" / "deploy.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "how-to" / "deploy.md").read_text(encoding="utf-8")
     printed = capsys.readouterr().out.splitlines()
     told = re.search(r"^Runs  .*?^Forces .*?$", page, re.MULTILINE | re.DOTALL)[0].splitlines()
     number = r"\d[-\d.e]*"
@@ -142,7 +142,7 @@ def test_mujoco_swing_up(notebook, capsys):
     # No worse by half than with everything known and measured.
     assert np.all(np.less(errors["identified model"][:4], np.multiply(errors["all known"][:4], 1.5)))
     # The page says what comes out.
-    page = (ROOT / "docs" / "mujoco.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "how-to" / "mujoco.md").read_text(encoding="utf-8")
     ratios = r"departures are ([\d.]+) times smaller than in open loop,\s+those of the tip ([\d.]+) times"
     told, printed = (np.array(re.search(ratios, text).groups(), float) for text in (page, capsys.readouterr().out))
     assert told == pytest.approx(printed, rel=0.1)

@@ -1112,7 +1112,7 @@ class Model(StateSpace):
     ) -> ExportedCode:
         """Write the observer as C99 source, and a controller, for machines without this package.
 
-        docs/deploy.md explains the code. The file and its header appear together or not at all.
+        docs/how-to/deploy.md explains the code. The file and its header appear together or not at all.
 
         Parameters
         ----------

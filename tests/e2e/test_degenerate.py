@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What the tool says of degenerate experiments is what the table in docs/guide.md says that it does, word for word.
+"""What the tool says of degenerate experiments is in the table of docs/troubleshooting.md, word for word.
 
 With TOKID_UPDATE_DOCS=1 in the environment, the messages of the table are written anew instead of compared.
 """
@@ -14,7 +14,7 @@ import pytest
 from conftest import ROOT
 from support import load
 
-GUIDE = ROOT / "docs" / "guide.md"
+PAGE = ROOT / "docs" / "troubleshooting.md"
 N, T = 40, 40
 
 
@@ -449,7 +449,7 @@ def messages(tokid, arguments):
 
 
 def rows():
-    section = GUIDE.read_text().split("### Degenerate experiments")[1].split("\n## ")[0].split("\n### ")[0]
+    section = PAGE.read_text().split("### Degenerate experiments")[1].split("\n## ")[0].split("\n### ")[0]
     return [[cell.strip() for cell in line.strip("|").split(" | ")] for line in section.splitlines()
             if line.startswith("| ")][1:]
 
@@ -465,8 +465,8 @@ def test_case(tokid, tmp_path, name):
     if os.environ.get("TOKID_UPDATE_DOCS") == "1":
         words = set(shown.split())
         best = max(said, key=lambda line: len(words & set(line.split())), default="nothing")
-        GUIDE.write_text(GUIDE.read_text().replace(f"| {name} | {shown} |", f"| {name} | {best} |"))
-        pytest.skip("docs/guide.md written anew")
+        PAGE.write_text(PAGE.read_text().replace(f"| {name} | {shown} |", f"| {name} | {best} |"))
+        pytest.skip("docs/troubleshooting.md written anew")
     assert shown in said
 
 

@@ -4,9 +4,11 @@
 With TOKID_UPDATE_DOCS=1 in the environment, the outputs in these documents are written anew instead of compared.
 """
 
+import contextlib
 import os
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 from itertools import zip_longest
@@ -15,28 +17,37 @@ import pytest
 
 from conftest import ROOT
 
+DOCS = ROOT / "docs"
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
 def run(tokid, command, folder):
-    """What a reader sees in the terminal."""
+    """What a reader sees in the terminal. Scripts in Python are those of the repository."""
     words = shlex.split(command, comments=True)
-    assert words[0] == "tokid"
-    result = subprocess.run([tokid.executable, *words[1:]], cwd=folder, stdin=subprocess.DEVNULL, text=True,
+    program = {"tokid": [tokid.executable], "python3": [sys.executable, str(ROOT / words[1])]}[words[0]]
+    arguments = words[1:] if words[0] == "tokid" else words[2:]
+    result = subprocess.run([*program, *arguments], cwd=folder, stdin=subprocess.DEVNULL, text=True,
                             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False)
     return result.returncode, [line.rstrip() for line in result.stdout.splitlines()]
 
 
-def session_blocks(text):
-    """Fenced blocks that begin with a command, as lists of (command, output lines)."""
-    for match in re.finditer(r"^```\n(\$ tokid .*?)^```$", text, re.MULTILINE | re.DOTALL):
-        session = []
-        for line in match[1].splitlines():
-            if line.startswith("$ "):
-                session.append((line[2:], []))
-            else:
-                session[-1][1].append(line)
-        yield match, session
+def blocks_of(text):
+    """The fenced blocks that a reader runs, in order: a session, as a list of (command, output lines), or a program in Python.
+
+    A session begins with a command. Programs of the Python package, with their prompts, have tests of their own.
+    """
+    for match in re.finditer(r"^```(python|)\n(.*?)^```$", text, re.MULTILINE | re.DOTALL):
+        if match[1]:
+            if not match[2].startswith(">>> "):
+                yield match, match[2]
+        elif match[2].startswith("$ "):
+            session = []
+            for line in match[2].splitlines():
+                if line.startswith("$ "):
+                    session.append((line[2:], []))
+                else:
+                    session[-1][1].append(line)
+            yield match, session
 
 
 def same(shown, printed):
@@ -50,36 +61,57 @@ def same(shown, printed):
     return all(abs(a - b) <= 0.02 * abs(a) or max(abs(a), abs(b)) < 1e-7 for a, b in pairs)
 
 
-def launch_vehicle(folder):
-    """launch.npz of docs/modes.md. The modules of the zoo have names of modules here, so another process makes it."""
-    program = ("import sys; from conditions import Condition; from run import make_data; from truth import truth_of; "
-               "c = Condition(); make_data('launch', c, truth_of('launch_vehicle', c), sys.argv[1], nonlinear=False)")
-    subprocess.run([sys.executable, "-c", program, folder / "launch.npz"], cwd=ROOT / "bench" / "zoo", check=True)
+def run_page(tokid, path, folder):
+    """The page with the outputs of its commands, and a list of (command, shown, printed)."""
+    text = updated = path.read_text()
+    outputs, names = [], {"__name__": path.stem}
+    for match, block in blocks_of(text):
+        if isinstance(block, str):
+            with contextlib.chdir(folder):
+                exec(compile(block, path.name, "exec"), names)
+            continue
+        session = ""
+        for command, shown in block:
+            _, printed = run(tokid, command, folder)
+            outputs.append((command, shown, printed))
+            session += f"$ {command}\n" + "".join(line + "\n" for line in printed)
+        updated = updated.replace(match[0], f"```\n{session}```")
+    return updated, outputs
 
 
-@pytest.mark.parametrize("page, least, prepare", [
-    ("guide.md", 8, None), ("control.md", 3, None), ("deploy.md", 5, None), ("modes.md", 6, launch_vehicle)])
-def test_pages(tokid, tmp_path, page, least, prepare):
-    document = ROOT / "docs" / page
-    text = updated = document.read_text()
-    update = os.environ.get("TOKID_UPDATE_DOCS") == "1"
-    commands = 0
-    if prepare:
-        prepare(tmp_path)
-    for match, session in session_blocks(text):
-        block = "```\n"
-        for command, shown in session:
-            commands += 1
-            _, printed = run(tokid, command, tmp_path)
-            block += f"$ {command}\n" + "".join(line + "\n" for line in printed)
-            if not update:
-                for before, now in zip_longest(shown, printed, fillvalue=""):
-                    assert same(before, now), f"{command}\nshown:   {before}\nprinted: {now}"
-        updated = updated.replace(match[0], block + "```")
-    assert commands >= least
-    if update:
-        document.write_text(updated)
+def check(page, updated, outputs):
+    if os.environ.get("TOKID_UPDATE_DOCS") == "1":
+        (DOCS / page).write_text(updated)
         pytest.skip(f"docs/{page} written anew")
+    for command, shown, printed in outputs:
+        for before, now in zip_longest(shown, printed, fillvalue=""):
+            assert same(before, now), f"{command}\nshown:   {before}\nprinted: {now}"
+
+
+def pages_with_commands():
+    pages = (path for path in sorted(DOCS.rglob("*.md")) if re.search(r"^```\n\$ ", path.read_text(), re.MULTILINE))
+    return [str(path.relative_to(DOCS)) for path in pages]
+
+
+@pytest.fixture(scope="session")
+def tutorial(tokid, tmp_path_factory):
+    """The folder in which the commands of the tutorial ran, and what they printed."""
+    folder = tmp_path_factory.mktemp("tutorial")
+    return folder, run_page(tokid, DOCS / "tutorial.md", folder)
+
+
+def test_tutorial(tutorial):
+    _, (updated, outputs) = tutorial
+    assert len(outputs) >= 8
+    check("tutorial.md", updated, outputs)
+
+
+@pytest.mark.parametrize("page", [page for page in pages_with_commands() if page != "tutorial.md"])
+def test_pages(tokid, tutorial, tmp_path, page):
+    """Pages go on with the files of the tutorial."""
+    folder = tmp_path / "files"
+    shutil.copytree(tutorial[0], folder)
+    check(page, *run_page(tokid, DOCS / page, folder))
 
 
 def test_readme(tokid, tmp_path):
@@ -94,7 +126,7 @@ def test_readme(tokid, tmp_path):
 
 def test_files_and_functions_that_documents_name():
     named = 0
-    for document in [*(ROOT / "docs").glob("*.md"), ROOT / "CONTRIBUTING.md"]:
+    for document in [*DOCS.rglob("*.md"), ROOT / "CONTRIBUTING.md"]:
         text = " ".join(document.read_text().split())
         for path, list_of_names in re.findall(r"`((?:src|include|app|bench|tests)/[\w./-]+)`((?:[:,;]? (?:class )?`[\w:]+`)*)", text):
             assert (ROOT / path).exists(), f"{document.name}: {path}"
@@ -113,14 +145,14 @@ def test_files_and_functions_that_documents_name():
 def test_kinds_that_documents_name(table, header, start, least):
     enumerators = (ROOT / "include/tokid" / header).read_text().split(start)[1].split("last =")[0]
     names = re.findall(r"^ +([a-z_]+),", enumerators, re.MULTILINE)
-    text = (ROOT / "docs/formats.md").read_text().split(f"<!-- table: {table} -->")[1].split("<!-- end -->")[0]
+    text = (DOCS / "formats.md").read_text().split(f"<!-- table: {table} -->")[1].split("<!-- end -->")[0]
     assert len(names) >= least
     assert re.findall(r"^\| `(\w+)` \|", text, re.MULTILINE) == names
 
 
 def test_equations_have_their_place():
     """The code cites no equation that the table lacks, and the table no place that does not cite it."""
-    table = (ROOT / "docs/math.md").read_text().split("## Where each equation is")[1].split("\n## ")[0]
+    table = (DOCS / "math.md").read_text().split("## Where each equation is")[1].split("\n## ")[0]
     places = {}
     for equations, path, names in re.findall(r"^\| (.+?) \|.*?\| `([\w./]+)`: (.*?) \|$", table, re.MULTILINE):
         source = (ROOT / path).read_text()

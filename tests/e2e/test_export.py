@@ -128,7 +128,7 @@ def grid():
 
 
 def test_random_models(tokid, tmp_path):
-    """Equal to the predictions of the tool, with missing outputs, within the bound of docs/deploy.md and of the header: eps x
+    """Equal to the predictions of the tool, with missing outputs, within the bound of docs/how-to/deploy.md and of the header: eps x
     number of products x size. The observer's state error decays by at least 5 % in each step, so the sum of the rounding
     errors of all steps is at most 1 / (1 - 0.95) = 20 steps' worth."""
     rng = np.random.default_rng(31)
@@ -566,8 +566,8 @@ def test_files_appear_together(tokid, folder):
 
 
 def test_loop_of_the_documents(tokid, tmp_path):
-    """The program of docs/deploy.md closes the loop as the law in NumPy does."""
-    page = (ROOT / "docs/deploy.md").read_text()
+    """The program of docs/how-to/deploy.md closes the loop as the law in NumPy does."""
+    page = (ROOT / "docs/how-to/deploy.md").read_text()
     for line in re.findall(r"^\$ tokid (.*)$", page, re.MULTILINE):
         tokid(*line.split(), cwd=tmp_path)
     (tmp_path / "main.c").write_text(re.search(r"^```c\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)[1])

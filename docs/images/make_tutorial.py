@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""Takes the pictures of docs/guide.md from pages of the tool. Needs Playwright, Pillow and a Chromium; no test runs it.
+"""Takes the pictures of docs/tutorial.md from pages of the tool. Needs Playwright, Pillow and a Chromium; no test runs it.
 
     make build
-    python3 docs/images/make_guide.py [TOOL] [CHROMIUM]
+    python3 docs/images/make_tutorial.py [TOOL] [CHROMIUM]
 
 TOOL is the tool (build/bin/tokid unless given), CHROMIUM the browser (/usr/bin/chromium unless given).
 """
@@ -25,7 +25,7 @@ SECTIONS = {"verdict": "report-verdict", "checks": "report-checks", "outputs": "
 
 
 def pages(tool, folder):
-    """The pages that the commands of the guide write."""
+    """The pages that the commands of the tutorial write."""
     def call(*arguments):
         subprocess.run([tool, *map(str, arguments)], cwd=folder, check=True, stdout=subprocess.DEVNULL)
 
