@@ -28,7 +28,7 @@ TEST(GtvArx, ExplainsNoiseFreeDataCompletely) {
         // Least-squares residuals are rounding errors of the outputs, whatever the condition of the window.
         const Matrix residual = e.output(k) - e.window(k, s.lags) * arx.coefficients(k).transpose();
         EXPECT_LE(residual.norm(), 1e4 * epsilon * e.output(k).norm()) << name(size) << " k " << k;
-        // Rank: the inputs and the states they reached (math.md 2).
+        // Rank: the inputs and the states they reached (docs/math.md, rank-deficient windows).
         EXPECT_LE(s.rank, size.r * (s.lags + 1) + size.n);
         EXPECT_NEAR(arx.leverages(k).sum(), double(s.rank), 1e-8);  // the trace of a projector
       }

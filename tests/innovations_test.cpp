@@ -83,7 +83,7 @@ TEST_P(TrueModels, HaveUniformProbabilities) {
         std::pair("squares", squares), std::pair("gains", gains)}) {
     const double distance = distance_from_uniform(p);
     EXPECT_LT(distance, one_in_a_thousand) << test;
-    RecordProperty(test, std::to_string(distance));  // for the table of docs/math.md
+    RecordProperty(test, std::to_string(distance));  // for the table of docs/evidence.md
   }
   // A mean of 200 runs of at least 80 squares each, of variance 2: four standard deviations are at most 0.045.
   EXPECT_NEAR(ratio, 1.0, 0.045);

@@ -410,7 +410,7 @@ class Planner {
     plan_.markov_error = freedom > 1 ? noise.markov_error / std::sqrt(double(freedom - 1)) : nan;
   }
 
-  // Is the model accurate enough for an optimisation? The bound comes from experience (docs/math.md).
+  // Is the model accurate enough for an optimisation? The bound comes from experience (docs/evidence.md).
   void check_model(const Ensemble& known) {
     constexpr double noise = 0.025;
     if (plan_.kind != InputKind::optimised || !model_->has(&Step::has_innovation_cov)) return;

@@ -1,4 +1,4 @@
-// How many digits of the results of every stage hold, over random cases: writes the tables of docs/accuracy.md anew.
+// How many digits of the results of every stage hold, over random cases: writes the tables of docs/evidence.md anew.
 // SPDX-License-Identifier: BSD-3-Clause
 #include "studies/accuracy.hpp"
 

@@ -1,5 +1,5 @@
 // How far the results of every stage are from those of 50 digits, over random cases, in units of what the stage itself
-// makes of rounding errors: the bounds of docs/accuracy.md.
+// makes of rounding errors: the bounds of docs/math.md.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 

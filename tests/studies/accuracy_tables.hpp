@@ -1,4 +1,4 @@
-// The tables of docs/accuracy.md: written by tokid_accuracy, read by the test that sees to it that they still hold.
+// The tables of docs/evidence.md: written by tokid_accuracy, read by the test that sees to it that they still hold.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 

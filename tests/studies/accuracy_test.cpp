@@ -48,7 +48,7 @@ TEST_P(AccuracyOf, EveryStageAndRouteIsWithinOneBound) {
   for (const AccuracyRow& row : rows) {
     SCOPED_TRACE(row.stage + ", " + row.route);
     const auto shown = std::find_if(shown_rows.begin(), shown_rows.end(), same(row));
-    ASSERT_NE(shown, shown_rows.end()) << "not in docs/accuracy.md";
+    ASSERT_NE(shown, shown_rows.end()) << "not in docs/evidence.md";
     EXPECT_LE(row.median, alike * shown->median);
     EXPECT_GE(row.median, shown->median / alike);
     EXPECT_LE(row.largest, alike * shown->largest);

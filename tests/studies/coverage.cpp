@@ -1,4 +1,4 @@
-// How often 95 % intervals hold the truth, with the number of experiments: the tables of docs/math.md.
+// How often 95 % intervals hold the truth, with the number of experiments: the tables of docs/evidence.md.
 // SPDX-License-Identifier: BSD-3-Clause
 #include "studies/coverage.hpp"
 

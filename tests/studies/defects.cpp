@@ -1,5 +1,5 @@
 // How often a defect of one experiment, or of one sample, is named, how often healthy ones are, and what is left of the
-// defect after the option `outliers`: the tables of docs/math.md.
+// defect after the option `outliers`: the tables of docs/evidence.md.
 // SPDX-License-Identifier: BSD-3-Clause
 #include "studies/defects.hpp"
 

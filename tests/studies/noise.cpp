@@ -1,5 +1,5 @@
 // How close models come to the Kalman filter of the true system, with the number of experiments; what missing samples
-// and unequal lengths cost; how close they come where the matrices jump: the tables of docs/math.md.
+// and unequal lengths cost; how close they come where the matrices jump: the tables of docs/evidence.md.
 // SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/format.h>
 

@@ -8,7 +8,7 @@ namespace tokid::testing {
 namespace {
 
 // The threshold lets one in a thousand through, of campaigns that differ in everything but what is wrong with them;
-// docs/math.md has the figures. Of these 108, none does.
+// docs/evidence.md has the figures. Of these 108, none does.
 TEST(OutlierRates, NoneAmongExperimentsThatAreAsTheyAre) {
   for (const Campaign& c : various_campaigns())
     for (std::uint64_t seed = 1; seed <= 2; ++seed) {

@@ -1,5 +1,5 @@
 // How often experiments are said not to fit, of campaigns that nothing is wrong with and of those that one experiment
-// is wrong in: the rates of docs/math.md.
+// is wrong in: the rates of docs/evidence.md.
 // SPDX-License-Identifier: BSD-3-Clause
 #include "studies/campaigns.hpp"
 
