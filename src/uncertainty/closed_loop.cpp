@@ -82,8 +82,8 @@ class Factors {
   Vector output_size_, input_size_;
 };
 
-// d(λ) = Σ_s Γ_s : dM_s. Γ_s is projected on the factor of the covariance of M_s, which gives two real matrices (m ×
-// rank).
+// dμ = Σ_l tr(gradient_lᵀ dM_l). The gradient of a step is projected on the factor of the covariance of M_l, which
+// gives two real matrices (m × rank).
 class Gradient {
  public:
   explicit Gradient(const GtvArx& arx) : arx_(arx) {}
@@ -184,16 +184,16 @@ class ClosedLoop {
     loop_ = model.at(k).closed_loop();
   }
 
-  // dλ for Ā'_k = (P O_{k+1}) Ā_k (P O_k)⁻¹ and its eigenvectors ω Ā'_k = λ ω, Ā'_k v = λ v, ω v = 1.
+  // dμ for Ā'_k = (P O_{k+1}) Ā_k (P O_k)⁻¹, P = O_s⁺, and its eigenvectors ψ Ā'_k = μ ψ, Ā'_k ψ_r = μ ψ_r, ψ ψ_r = 1.
   Gradient gradient(std::complex<double> value, const VectorXcd& right, const VectorXcd& left) const {
     const Index m = model_.outputs;
     const size_t at = model_.index(k_);
     const VectorXcd a = from_frame_ * right;
     const VectorXcd beta = next_to_frame_.transpose() * left;
-    const VectorXcd frame_weights = projection_.transpose() * left;  // Pᵀ ω
+    const VectorXcd frame_weights = projection_.transpose() * left;  // Pᵀ ψ
     Gradient gradient(arx_);
 
-    // P = O_s⁺: ω dP z with z = O_{k+1} Ā_k a - λ O_k a, where P z = 0.
+    // ψ dP z with z = O_{k+1} Ā_k a - μ O_k a, where P z = 0.
     const VectorXcd z =
         observability(model_, k_ + 1, head_ / m) * (loop_ * a) - value * (observability(model_, k_, head_ / m) * a);
     add(gradient, s_, reference_, z, projection_ * frame_weights);
@@ -210,7 +210,7 @@ class ClosedLoop {
     add(gradient, k_ + 1, next_, frame_weights, loop_ * a);
     add(gradient, k_ + 1, next_, -solved, model_.step[at].A() * a);
 
-    // G_k = O_{k+1}⁺ P_{k+1}
+    // G_k = O_{k+1}⁺ P_{k+1}. Without changes of coordinates O_{k+1}⁺ dO_{k+1} = 0, so only dP_{k+1} contributes.
     gradient.add_gain(k_, next_.rows, next_.from_outputs.transpose() * beta, model_.step[at].C() * a);
     return gradient;
   }
