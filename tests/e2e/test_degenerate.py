@@ -449,7 +449,7 @@ def messages(tokid, arguments):
 
 
 def rows():
-    section = PAGE.read_text().split("### Degenerate experiments")[1].split("\n## ")[0].split("\n### ")[0]
+    section = PAGE.read_text().split("## Degenerate experiments")[1].split("\n## ")[0]
     return [[cell.strip() for cell in line.strip("|").split(" | ")] for line in section.splitlines()
             if line.startswith("| ")][1:]
 

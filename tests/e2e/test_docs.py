@@ -36,11 +36,10 @@ def blocks_of(text):
 
     A session begins with a command. Programs of the Python package, with their prompts, have tests of their own.
     """
-    for match in re.finditer(r"^```(python|)\n(.*?)^```$", text, re.MULTILINE | re.DOTALL):
-        if match[1]:
-            if not match[2].startswith(">>> "):
-                yield match, match[2]
-        elif match[2].startswith("$ "):
+    for match in re.finditer(r"^```(\w*)\n(.*?)^```$", text, re.MULTILINE | re.DOTALL):
+        if match[1] == "python" and not match[2].startswith(">>> "):
+            yield match, match[2]
+        elif match[1] == "" and match[2].startswith("$ "):
             session = []
             for line in match[2].splitlines():
                 if line.startswith("$ "):
@@ -148,6 +147,19 @@ def test_kinds_that_documents_name(table, header, start, least):
     text = (DOCS / "formats.md").read_text().split(f"<!-- table: {table} -->")[1].split("<!-- end -->")[0]
     assert len(names) >= least
     assert re.findall(r"^\| `(\w+)` \|", text, re.MULTILINE) == names
+
+
+def test_messages_can_be_searched():
+    """All words of findings, between their names and numbers, are in docs/troubleshooting.md."""
+    source = (ROOT / "src/base/finding.cpp").read_text().split("namespace {", 1)[1]
+    page = " ".join((DOCS / "troubleshooting.md").read_text().split())
+    searched = 0
+    for literal in re.findall(r'"((?:[^"\\]|\\.)*)"', re.sub(r"//.*", "", source)):
+        for words in re.split(r"\{[^}]*\}", literal):
+            if len(words.split()) >= 3:
+                assert words.strip(" ,.:;()") in page, literal
+                searched += 1
+    assert searched > 150
 
 
 def test_equations_have_their_place():
