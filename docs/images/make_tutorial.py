@@ -1,5 +1,7 @@
 #!/usr/bin/env python3
-"""Takes the pictures of docs/tutorial.md from pages of the tool. Needs Playwright, Pillow and a Chromium; no test runs it.
+"""Takes the pictures of docs/tutorial.md and docs/explanation/trust.md from pages of the tool. No test runs it.
+
+It needs Playwright, Pillow and a Chromium.
 
     make build
     python3 docs/images/make_tutorial.py [TOOL] [CHROMIUM]
