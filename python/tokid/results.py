@@ -70,7 +70,7 @@ class Explanation(_Result):
     Attributes
     ----------
     kind : str
-        "swapped", "scaled", …; the guide to files and the command line lists the kinds.
+        "swapped", "scaled", …; docs/formats.md lists the kinds.
     channels : list of FindingChannel
     steps : list of int
         The first and the last step at which a channel is stuck.
@@ -300,7 +300,7 @@ class Conclusion(_Result):
         "nothing": no sign against the model; "negligible": significant, but too small to matter; "against": significant
         and large enough to matter.
     reason : str
-        "size_as_stated", "correlated", …; the guide to files and the command line lists the reasons.
+        "size_as_stated", "correlated", …; docs/formats.md lists the reasons.
     channels : list of FindingChannel
         The inputs that the reason is about.
     numbers : dict of str to float

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The examples in Python run to their end, and their tables say what the guide says."""
+"""The examples in Python run to their end, and their tables agree with docs/how-to/robot.md."""
 
 import os
 import re

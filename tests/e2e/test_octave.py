@@ -69,7 +69,7 @@ GUIDE = ROOT / "docs" / "matlab.md"
 
 
 def test_guide(octave):
-    """The blocks of the guide run one after the other, and print what stands below them."""
+    """The blocks of the page run one after the other, and print what stands below them."""
     text = updated = GUIDE.read_text(encoding="utf-8")
     blocks = list(re.finditer(r"^```matlab\n(.*?)^```\n(?:```\n(.*?)^```\n)?", text, re.MULTILINE | re.DOTALL))
     mark = "-- next block --"
