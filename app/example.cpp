@@ -10,14 +10,19 @@ namespace {
 struct Call {
   std::string name;
   fs::path output;
+  fs::path inputs;
   Index steps = 100;
   ExperimentOptions options;
 };
 
 void run(const Call& call) {
   check_output(call.output, Content::ensemble);
-  const Model system = call.name == "oscillator" ? oscillator(call.steps) : rotating_tube(call.steps);
-  const Ensemble data = experiments(system, call.options);
+  std::optional<Ensemble> planned;
+  if (!call.inputs.empty()) planned = load_ensemble(call.inputs);
+  const Index steps = planned ? planned->steps() : call.steps;
+  const Model system = call.name == "oscillator" ? oscillator(steps) : rotating_tube(steps);
+  const Ensemble data = planned ? about(call.inputs, [&] { return experiments(system, *planned, call.options); })
+                                : experiments(system, call.options);
   save_ensemble(data, call.output);
 
   Page page;
@@ -41,6 +46,7 @@ void add_example(CLI::App& tool) {
                  "oscillator: the paper's, 4 states; rotating-tube: 2 states");
   command.output(call->output, "Ensemble to write: .npz, .h5, .mat or .csv");
   command.number<Index>("--experiments", o.experiments, "N", "Experiments (default 50)", 1, 1'000'000);
+  command.file("--inputs", call->inputs, "Inputs of the experiments, as plan writes them (default unit Gaussian)");
   command.number<Index>("--steps", call->steps, "T", "Time steps (default 100)", 1, 1'000'000);
   command.number<std::uint64_t>("--seed", o.seed, "S", "Seed of the random numbers (default 1)", 0);
   command.number("--process-noise", o.process_noise, "SD", "Standard deviation of the noise on each state (default 0)",
@@ -52,6 +58,8 @@ void add_example(CLI::App& tool) {
   command.choice("--initial-state", o.initial_state,
                  Choices<InitialState>{{"zero", InitialState::zero}, {"unknown", InitialState::unknown}},
                  "States at step 0 (default zero; unknown: random)");
+  command.excludes("--inputs", "--experiments");
+  command.excludes("--inputs", "--steps");
   command.runs([call] { run(*call); });
 }
 

@@ -56,6 +56,20 @@ TEST(Example, ExperimentsAreReproducibleAndShareTheirInputs) {
   EXPECT_EQ(c.initial_state, InitialState::unknown);
 }
 
+TEST(Example, GivenInputsReplaceTheRandomOnesAlone) {
+  const Model system = oscillator(12);
+  const ExperimentOptions options{.experiments = 5, .seed = 3, .process_noise = 0.1, .measurement_noise = 0.2};
+  const Ensemble drawn = experiments(system, options);
+  EXPECT_EQ(experiments(system, drawn, options).samples(), drawn.samples());
+
+  Ensemble zero = drawn;
+  for (Index k = 0; k < 12; ++k) zero.input(k).setZero();
+  const Ensemble answer = experiments(system, zero, {.seed = 3});
+  for (Index k = 0; k < 12; ++k) EXPECT_TRUE(answer.output(k).isZero(0));
+  EXPECT_THROW(experiments(oscillator(11), drawn), std::invalid_argument);
+  EXPECT_THROW(experiments(rotating_tube(12), drawn), std::invalid_argument);
+}
+
 // The generator's first numbers are the same on every machine: Boost fixes the algorithm.
 TEST(Example, GeneratorIsPinned) {
   const Ensemble e = experiments(oscillator(1), {.experiments = 1, .seed = 1});

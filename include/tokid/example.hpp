@@ -30,6 +30,11 @@ struct ExperimentOptions {
 // Simulated experiments with unit Gaussian inputs. The same seed gives the same experiments on every machine.
 Ensemble experiments(const Model& system, const ExperimentOptions& options = {});
 
+// The same with the given inputs, for example those of a plan: options.experiments is not used. Missing inputs give
+// missing outputs from their step on.
+// \throws std::invalid_argument where inputs or steps of the ensemble and of the system differ in number
+Ensemble experiments(const Model& system, const Ensemble& inputs, const ExperimentOptions& options = {});
+
 // The system with the noise covariances of experiments(system, options), and with the Kalman filter as observer. This
 // observer has the smallest prediction errors in these experiments. \throws std::invalid_argument for negative standard
 // deviations

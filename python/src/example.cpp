@@ -27,6 +27,16 @@ void bind_example(nb::module_& module) {
       nb::arg("system"), nb::arg("experiments"), nb::arg("seed"), nb::arg("process_noise"),
       nb::arg("measurement_noise"), nb::arg("free_responses"), nb::arg("initial_state"),
       nb::call_guard<nb::gil_scoped_release>());
+  module.def(
+      "experiments_with",
+      [](const Model& system, const Ensemble& inputs, std::uint64_t seed, double process_noise,
+         double measurement_noise, Index free_responses, InitialState initial_state) {
+        const Index count = inputs.experiments();
+        return experiments(system, inputs,
+                           {count, seed, process_noise, measurement_noise, free_responses, initial_state});
+      },
+      nb::arg("system"), nb::arg("inputs"), nb::arg("seed"), nb::arg("process_noise"), nb::arg("measurement_noise"),
+      nb::arg("free_responses"), nb::arg("initial_state"), nb::call_guard<nb::gil_scoped_release>());
 }
 
 }  // namespace tokid::python

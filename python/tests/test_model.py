@@ -451,3 +451,13 @@ def test_figures_of_regressions_that_were_given_up(noisy):
     assert given_up.together and not kept.together
     assert (given_up.condition_max, given_up.rank_deficient_steps) == (0, 0) and kept.condition_max > 1
     assert given_up.lag_order_errors.mean.size == 0 and kept.lag_order_errors.mean.size > 0
+
+
+def test_examples_take_the_inputs_of_a_plan():
+    plan = tokid.plan(states=4, inputs=2, outputs=2, steps=20)
+    data = tokid.example("oscillator", inputs=plan.inputs, measurement_noise=0.1)
+    np.testing.assert_array_equal(data.u, plan.inputs.u)
+    with pytest.raises(ValueError, match="20 steps found"):
+        tokid.example("rotating-tube", inputs=plan.inputs)
+    with pytest.raises(TypeError, match=r"inputs: ndarray found, a tokid\.Ensemble needed"):
+        tokid.example("oscillator", inputs=data.u)

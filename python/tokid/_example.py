@@ -58,8 +58,9 @@ def example(
     measurement_noise: float = 0.0,
     free_responses: int = 0,
     initial_state: str = "zero",
+    inputs: Optional[Ensemble] = None,
 ) -> Ensemble:
-    """Simulate experiments with unit Gaussian inputs. The same seed gives the same experiments on every machine.
+    """Simulate experiments. The same seed gives the same experiments on every machine.
 
     Parameters
     ----------
@@ -79,22 +80,27 @@ def example(
         Number of free responses.
     initial_state : {"zero", "unknown"}
         States at step 0. "unknown": independent unit Gaussian states.
+    inputs : Ensemble, optional
+        Inputs of the experiments, for example those of a plan. They replace `experiments` and `steps`. Without them,
+        inputs are unit Gaussian.
 
     Returns
     -------
     Ensemble
     """
-    return Ensemble._of(
-        _tokid.experiments(
-            _system(name, steps, dt),
-            _options.integer("experiments", experiments, 1, 1_000_000),
-            _options.integer("seed", seed, 0, 2**64 - 1),
-            _options.real("process_noise", process_noise, 0.0),
-            _options.real("measurement_noise", measurement_noise, 0.0),
-            _options.integer("free_responses", free_responses, 0, 1_000_000),
-            _options.known_initial_state(initial_state),
-        )
+    noise = (
+        _options.integer("seed", seed, 0, 2**64 - 1),
+        _options.real("process_noise", process_noise, 0.0),
+        _options.real("measurement_noise", measurement_noise, 0.0),
+        _options.integer("free_responses", free_responses, 0, 1_000_000),
+        _options.known_initial_state(initial_state),
     )
+    if inputs is not None:
+        if not isinstance(inputs, Ensemble):
+            raise TypeError(f"inputs: {type(inputs).__name__} found, a tokid.Ensemble needed")
+        return Ensemble._of(_tokid.experiments_with(_system(name, inputs.steps, dt), inputs._ready(), *noise))
+    count = _options.integer("experiments", experiments, 1, 1_000_000)
+    return Ensemble._of(_tokid.experiments(_system(name, steps, dt), count, *noise))
 
 
 def _system(name: str, steps: int, dt: Optional[float]) -> _tokid.Model:

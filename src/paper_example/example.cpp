@@ -96,23 +96,24 @@ void check_noise(const ExperimentOptions& options) {
                                             options.process_noise, options.measurement_noise));
 }
 
-}  // namespace
-
-Ensemble experiments(const Model& system, const ExperimentOptions& options) {
-  if (options.experiments < 1 || options.free_responses < 0)
+// Simulates N experiments. The input of experiment n and step k is input(n, k, a unit Gaussian vector).
+template <class Input>
+Ensemble simulated(const Model& system, const ExperimentOptions& options, Index experiments, Input&& input) {
+  if (experiments < 1 || options.free_responses < 0)
     throw std::invalid_argument(
-        fmt::format("experiments: {} experiments and {} free responses found, at least 1 and 0 needed",
-                    options.experiments, options.free_responses));
+        fmt::format("experiments: {} experiments and {} free responses found, at least 1 and 0 needed", experiments,
+                    options.free_responses));
   check_noise(options);
   const bool from_rest = options.initial_state == InitialState::zero;
-  Ensemble ensemble(options.experiments, system.steps(), system.inputs, system.outputs, system.dt);
+  Ensemble ensemble(experiments, system.steps(), system.inputs, system.outputs, system.dt);
   ensemble.names = system.names;
   ensemble.initial_state = options.initial_state;
   RandomNumbers random(options.seed);
-  for (Index n = 0; n < options.experiments; ++n)
+  for (Index n = 0; n < experiments; ++n)
     run(
         system, options, from_rest, random,
-        [&](Index k, const Vector& u) {
+        [&](Index k, const Vector& drawn) {
+          const Vector u = input(n, k, drawn);
           ensemble.input(k).row(n) = u.transpose();
           return u;
         },
@@ -128,6 +129,20 @@ Ensemble experiments(const Model& system, const ExperimentOptions& options) {
         system, options, false, other, [](Index, const Vector& u) { return Vector(Vector::Zero(u.size())); },
         [&](Index k, const Vector& y) { free.y.row(n).segment(k * system.outputs, system.outputs) = y.transpose(); });
   return ensemble;
+}
+
+}  // namespace
+
+Ensemble experiments(const Model& system, const ExperimentOptions& options) {
+  return simulated(system, options, options.experiments, [](Index, Index, const Vector& drawn) { return drawn; });
+}
+
+Ensemble experiments(const Model& system, const Ensemble& inputs, const ExperimentOptions& options) {
+  if (inputs.inputs() != system.inputs || inputs.steps() != system.steps())
+    throw std::invalid_argument(fmt::format("inputs: {} inputs and {} steps found, {} and {} needed, as the system has",
+                                            inputs.inputs(), inputs.steps(), system.inputs, system.steps()));
+  return simulated(system, options, inputs.experiments(),
+                   [&](Index n, Index k, const Vector&) { return Vector(inputs.input(k).row(n).transpose()); });
 }
 
 Model with_noise(Model system, const ExperimentOptions& options) {

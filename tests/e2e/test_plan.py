@@ -25,6 +25,16 @@ def test_planned_experiments_give_the_system_back(tokid, tmp_path, oscillator, e
     assert np.abs(simulate(load(tmp_path / "model.npz"), fresh["u"]) - fresh["y"]).max() < 1e-8
 
 
+def test_examples_take_the_inputs_of_a_plan(tokid, tmp_path):
+    inputs, planned = tmp_path / "inputs.npz", tmp_path / "data.npz"
+    tokid("plan", *SIZES, "--steps", 30, "-o", inputs)
+    tokid("example", "oscillator", "--inputs", inputs, "-o", planned, "--measurement-noise", 0.1)
+    assert np.array_equal(load(planned)["u"], load(inputs)["u"])
+    assert "--steps" in tokid("example", "oscillator", "--inputs", inputs, "--steps", 30, "-o", planned, status=2).stderr
+    refused = tokid("example", "rotating-tube", "--inputs", inputs, "-o", planned, status=2).stderr
+    assert "inputs.npz" in refused and "2 inputs" in refused
+
+
 def test_the_file_holds_inputs_alone(tokid, tmp_path):
     tokid("plan", *SIZES, "--steps", 30, "-o", tmp_path / "inputs.npz", "--dt", 0.1, "--initial-state", "unknown")
     planned = load(tmp_path / "inputs.npz")
