@@ -156,15 +156,17 @@ class Planner {
     plan_.unknowns = L;
     plan_.minimum = L + mean;
     plan_.reasons.push_back(fmt::format(
-        "minimum {}: every output has r + p(r+m) = {} + {}·{} = {} unknowns at every step, and lag order p = {} is {} "
+        "minimum {}: every output has {} = {} unknowns at every step, and lag order p = {} is {} "
         "with which p·m = {} reaches n = {} states{}",
-        plan_.minimum, r, p, r + m, L, p, p * m < o.states + m ? "the smallest" : "one", p * m, o.states,
+        plan_.minimum,
+        feedthrough() ? fmt::format("r + p(r+m) = {} + {}·{}", r, p, r + m) : fmt::format("p(r+m) = {}·{}", p, r + m),
+        L, p, p * m < o.states + m ? "the smallest" : "one", p * m, o.states,
         o.nominal ? "; one more for the mean motion" : ""));
 
     if (o.experiments > 0 && o.experiments < plan_.minimum)
-      throw std::invalid_argument(
-          fmt::format("experiments: {} found, at least {} needed (r + p(r+m){} at lag order {})", o.experiments,
-                      plan_.minimum, o.nominal ? " + 1 for the mean motion" : "", p));
+      throw std::invalid_argument(fmt::format("experiments: {} found, at least {} needed ({}{} at lag order {})",
+                                              o.experiments, plan_.minimum, feedthrough() ? "r + p(r+m)" : "p(r+m)",
+                                              o.nominal ? " + 1 for the mean motion" : "", p));
     const Index least = o.experiments > 0 ? o.experiments : plan_.minimum;
     if (const Effort needed = effort(least); !needed.within(most))
       throw std::invalid_argument(
