@@ -27,6 +27,11 @@ Eigen::RowVectorXd nominal_at(const Model& model, const Matrix& trajectory, Inde
   return trajectory.row(row);
 }
 
+Matrix departures(const Model& model, const Matrix& trajectory, Index k, Matrix samples) {
+  subtract_nominal(trajectory, nominal_row(model, trajectory, k), samples);
+  return samples;
+}
+
 void check_reference(const char* name, const Matrix& reference, Index steps, Index channels) {
   if (reference.size() == 0) return;
   if (reference.rows() != steps || reference.cols() != channels)
@@ -433,7 +438,7 @@ class LoopSimulation {
     const Step& own = step_at(truth, k);
     const Matrix u = limited(inputs(k), k);
     const Matrix du = u.rowwise() - loop_.u_nominal(k);
-    const Matrix u_true = u.rowwise() - nominal_at(truth, truth.u_nominal, k, r_);
+    const Matrix u_true = departures(truth, truth.u_nominal, k, u);
     Matrix y, next;
     observer::output(own, x_, u_true, y);
     y.rowwise() += nominal_at(truth, truth.y_nominal, k, loop_.outputs());
@@ -449,8 +454,8 @@ class LoopSimulation {
     result_.data.output(k) = y;
     x_.swap(next);
     if (k >= observer_.k()) {
-      const Matrix u_model = u.rowwise() - nominal_at(model, model.u_nominal, k, r_);
-      const Matrix y_model = y.rowwise() - nominal_at(model, model.y_nominal, k, loop_.outputs());
+      const Matrix u_model = departures(model, model.u_nominal, k, u);
+      const Matrix y_model = departures(model, model.y_nominal, k, y);
       Matrix prediction(N_, loop_.outputs()), innovation(N_, loop_.outputs());
       observer_.advance(observer::Rows::of(u_model), observer::Rows::of(y_model), prediction, innovation);
     }

@@ -143,8 +143,7 @@ LearnedRun learn(const Model& model, const Matrix& reference, const Matrix& u, c
 
   const Matrix error = reference - y;
   Matrix y_target = error.middleRows(begin, count), all = u.topRows(end);  // all inputs as departures
-  for (Index k = 0; k < end; ++k)
-    if (const Index row = nominal_row(model, model.u_nominal, k); row >= 0) all.row(k) -= model.u_nominal.row(row);
+  for (Index k = 0; k < end; ++k) subtract_nominal(model.u_nominal, nominal_row(model, model.u_nominal, k), all.row(k));
   const Matrix departures = all.bottomRows(count);
   Matrix rates = all;  // the input before step 0 is nominal
   rates.bottomRows(end - 1) -= all.topRows(end - 1);

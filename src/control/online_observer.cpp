@@ -170,7 +170,7 @@ Matrix whiteners_of(const Model& model) {
 
 // A sample as departure from the nominal trajectory.
 void departure(const Model& model, const Matrix& nominal, Index k, Eigen::Ref<Matrix> sample) {
-  if (const Index row = nominal_row(model, nominal, k); row >= 0) sample -= nominal.row(row);
+  subtract_nominal(nominal, nominal_row(model, nominal, k), sample);
 }
 
 void check_samples(const char* name, const Eigen::Ref<const Vector>& samples, Index needed) {

@@ -34,4 +34,10 @@ inline Index nominal_row(const Model& model, const Matrix& trajectory, Index k) 
   return known - model.period + (k - known) % model.period;
 }
 
+// Turns samples (N × channels) into departures from a row of a nominal trajectory, which is zero outside its rows.
+template <class Trajectory, class Samples>
+void subtract_nominal(const Trajectory& trajectory, Index row, Samples&& samples) {
+  if (row >= 0 && row < trajectory.rows()) samples.rowwise() -= trajectory.row(row);
+}
+
 }  // namespace tokid

@@ -8,6 +8,7 @@
 #include <stdexcept>
 
 #include "base/nan.hpp"
+#include "model/continuation.hpp"
 #include "model/innovation_checks.hpp"
 #include "model/observer_step.hpp"
 #include "tokid/innovations.hpp"
@@ -77,7 +78,7 @@ class GainRegression {
   // Departures of the inputs; a missing input is zero.
   Matrix inputs(Index k) const {
     Matrix u = data_.input(k);
-    if (k < model_.u_nominal.rows()) u.rowwise() -= model_.u_nominal.row(k);
+    subtract_nominal(model_.u_nominal, k, u);
     if (centred_)
       for (auto column : u.colwise()) centre(column);
     return u.array().isNaN().select(0.0, u);
@@ -118,7 +119,7 @@ class GainRegression {
 
   void add_outputs(Index k) {
     Matrix y = data_.output(k);
-    if (k < model_.y_nominal.rows()) y.rowwise() -= model_.y_nominal.row(k);
+    subtract_nominal(model_.y_nominal, k, y);
     if (centred_)
       for (auto column : y.colwise()) centre(column);
     for (Index j = 0; j < y.cols(); ++j)

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "base/nan.hpp"
+#include "model/continuation.hpp"
 #include "model/kalman_step.hpp"
 #include "model/observer_step.hpp"
 #include "tokid/innovations.hpp"
@@ -11,12 +12,6 @@
 namespace tokid {
 
 namespace {
-
-// Row k of the nominal trajectory; zero beyond its end.
-Eigen::RowVectorXd nominal(const Matrix& trajectory, Index k, Index size) {
-  if (k < trajectory.rows()) return trajectory.row(k);
-  return Eigen::RowVectorXd::Zero(size);
-}
 
 std::vector<Index> finite_entries(const Eigen::Ref<const Eigen::RowVectorXd>& row) {
   std::vector<Index> entries;
@@ -102,14 +97,16 @@ class Filter {
   // Returns the innovations of step k, and advances the states.
   Matrix advance(Index k) {
     const Step& step = model_.at(k);
-    Matrix u = data_.input(k).rowwise() - nominal(model_.u_nominal, k, model_.inputs);
+    Matrix u = data_.input(k), y = data_.output(k);
+    subtract_nominal(model_.u_nominal, k, u);
+    subtract_nominal(model_.y_nominal, k, y);
     for (Index n = 0; n < u.rows(); ++n)
       if (!u.row(n).allFinite()) {
         u.row(n).setZero();
         known_[size_t(n)] = {true, 0, {}, 0};
       }
     Matrix e;
-    observer::innovation(step, x_, u, data_.output(k).rowwise() - nominal(model_.y_nominal, k, model_.outputs), e);
+    observer::innovation(step, x_, u, y, e);
     const auto sees_all = [&](Index n) {
       return !known_[size_t(n)].blind && known_[size_t(n)].exact() && e.row(n).allFinite();
     };

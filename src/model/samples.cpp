@@ -6,6 +6,7 @@
 #include <map>
 
 #include "model/channels.hpp"
+#include "model/continuation.hpp"
 #include "tokid/linalg.hpp"
 
 namespace tokid::kalman {
@@ -48,7 +49,7 @@ Alike alike(const std::vector<bool>& present, Index inputs, Index outputs) {
 Matrix arranged(const Matrix& samples, const Matrix& nominal, Index k, const std::vector<Index>& experiments,
                 Vector& square, Vector& count) {
   Matrix result = samples(experiments, Eigen::all);
-  if (k < nominal.rows()) result.rowwise() -= nominal.row(k);
+  subtract_nominal(nominal, k, result);
   for (Index j = 0; j < result.cols(); ++j)
     for (Index i = 0; i < result.rows(); ++i) {
       double& value = result(i, j);

@@ -10,6 +10,7 @@
 
 #include "base/nan.hpp"
 #include "model/channels.hpp"
+#include "model/continuation.hpp"
 #include "model/observer_rows.hpp"
 #include "model/observer_step.hpp"
 #include "model/smoother.hpp"
@@ -24,12 +25,12 @@ namespace {
 // Inputs and outputs of one step as departures from the nominal trajectory.
 void input_departure(const Model& model, const Ensemble& data, Index k, Matrix& u) {
   u = data.input(k);
-  if (k < model.u_nominal.rows()) u.rowwise() -= model.u_nominal.row(k);
+  subtract_nominal(model.u_nominal, k, u);
 }
 
 void output_departure(const Model& model, const Ensemble& data, Index k, Matrix& y) {
   y = data.output(k);
-  if (k < model.y_nominal.rows()) y.rowwise() -= model.y_nominal.row(k);
+  subtract_nominal(model.y_nominal, k, y);
 }
 
 Matrix output_departure(const Model& model, const Ensemble& data, Index k) {

@@ -10,6 +10,7 @@
 #include "base/nan.hpp"
 #include "data/subjects.hpp"
 #include "model/comparison.hpp"
+#include "model/continuation.hpp"
 #include "model/error_sums.hpp"
 #include "model/outlying_samples.hpp"
 #include "model/step_by_step.hpp"
@@ -144,7 +145,7 @@ Validation validate_in_numbers(const Model& model, const Ensemble& data, const V
   Matrix error;
   simulate_data_each(model, data, options.initial_state, [&](Index k, const Matrix& y) {
     error = data.output(k) - y;
-    if (k < model.y_nominal.rows()) error.rowwise() -= model.y_nominal.row(k);
+    subtract_nominal(model.y_nominal, k, error);
     errors.simulated(k, error);
   });
   return validation(model, data, options, errors, outlying, [&] {
