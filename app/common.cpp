@@ -79,6 +79,15 @@ Ensemble load_data(const Model& model, const fs::path& path, ReadOptions options
   return load_ensemble(path, options);
 }
 
+Ensemble load_reference(const Model& model, const fs::path& path, ReadOptions options) {
+  options.outputs_required = false;  // a whole output may be free
+  Ensemble wanted = load_data(model, path, options);
+  if (wanted.experiments() != 1)
+    throw std::invalid_argument(
+        fmt::format("{}: {} found, one needed", path.string(), plural(wanted.experiments(), "experiment")));
+  return wanted;
+}
+
 std::string coverage(const Ensemble& computed) {
   std::vector<Index> steps;
   for (Index k = 0; k < computed.steps(); ++k) {

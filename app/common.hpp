@@ -35,6 +35,9 @@ void check_output(const fs::path& path, Content content, const std::vector<fs::p
 // Loads the data for a model. Channels that have the names of the model's channels are found by name.
 Ensemble load_data(const Model& model, const fs::path& path, ReadOptions options);
 
+// Loads the wanted outputs of a model, one experiment. \throws std::invalid_argument for another number of experiments
+Ensemble load_reference(const Model& model, const fs::path& path, ReadOptions options);
+
 // Locks a file that is read, changed and written. If another process has the lock, the function reports on stderr that
 // it waits. \throws as FileLock
 FileLock held_file(const fs::path& path, double limit = LockOptions().limit);

@@ -32,26 +32,8 @@ LearningWeights weights_of(const Call& call, const Model& model) {
   return result;
 }
 
-// Inputs (T × r) and outputs (T × m) of the only experiment.
-Matrix inputs_of(const Ensemble& run) {
-  Matrix u(run.steps(), run.inputs());
-  for (Index k = 0; k < run.steps(); ++k) u.row(k) = run.input(k);
-  return u;
-}
-
-Matrix outputs_of(const Ensemble& run) {
-  Matrix y(run.steps(), run.outputs());
-  for (Index k = 0; k < run.steps(); ++k) y.row(k) = run.output(k);
-  return y;
-}
-
 Ensemble reference_of(const Model& model, const Call& call, const Ensemble& last) {
-  ReadOptions read = call.read;
-  read.outputs_required = false;  // a whole output may be free
-  Ensemble wanted = load_data(model, call.reference, read);
-  if (wanted.experiments() != 1)
-    throw std::invalid_argument(
-        fmt::format("{}: {} found, one needed", call.reference.string(), plural(wanted.experiments(), "experiment")));
+  Ensemble wanted = load_reference(model, call.reference, call.read);
   if (wanted.steps() != last.steps())
     throw std::invalid_argument(fmt::format("{}: {} found, {} needed as in {}", call.reference.string(),
                                             plural(wanted.steps(), "step"), last.steps(), call.run.string()));
@@ -114,8 +96,8 @@ void run(const Call& call) {
   const Ensemble wanted = reference_of(model, call, last);
   const Index steps = last.length.empty() ? last.steps() : last.length[0];  // a run may have stopped early
   const LearnedRun learned = about(call.run, [&] {
-    return learn(model, outputs_of(wanted).topRows(steps), inputs_of(last).topRows(steps),
-                 outputs_of(last).topRows(steps), weights);
+    return learn(model, wanted.outputs_of(0).topRows(steps), last.inputs_of(0).topRows(steps),
+                 last.outputs_of(0).topRows(steps), weights);
   });
   save_ensemble(next_run(last, learned), call.output);
   Findings findings = differences(model, runs);

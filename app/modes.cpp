@@ -26,9 +26,6 @@ constexpr Index shown = 5;  // steps of the printed table, unless the user state
 
 constexpr double inexact = 1e-10;  // errors by rounding of multipliers that are worth a line
 
-// A conjugate pair is one mode.
-bool leads(const Modes& modes, Index k, Index i) { return !(modes.poles(k, i).imag() < 0); }
-
 double time(const Modes& modes, Index k) { return double(modes.begin + k) * modes.dt; }
 
 struct Table {
@@ -105,7 +102,7 @@ std::string report(const Call& call, const Model& model, const Table& t) {
       {"step", "time [s]", "mode", "rad/s", "Hz", "damping", "variation", "valid"}};
   for (const Index k : rows_of(call, modes))
     for (Index i = 0; i < modes.count(); ++i) {
-      if (!leads(modes, k, i)) continue;
+      if (!modes.leads(k, i)) continue;
       rows.push_back({std::to_string(modes.begin + k), number(time(modes, k)), std::to_string(i + 1),
                       with_width(t.frequency(k, i), frequency, k, i, 1.0),
                       with_width(t.frequency(k, i), frequency, k, i, 0.5 / std::numbers::pi),
@@ -117,7 +114,7 @@ std::string report(const Call& call, const Model& model, const Table& t) {
   for (Index k = 0; k < modes.steps(); ++k)
     for (Index i = 0; i < modes.count(); ++i) {
       unknown += i == 0 && std::isnan(modes.poles(k, i).real());
-      if (!leads(modes, k, i)) continue;
+      if (!modes.leads(k, i)) continue;
       ++all;
       valid += modes.valid(k, i);
     }
@@ -139,7 +136,7 @@ std::string csv(const Table& t) {
   text += '\n';
   for (Index k = 0; k < t.modes.steps(); ++k)
     for (Index i = 0; i < t.modes.count(); ++i) {
-      if (!leads(t.modes, k, i)) continue;
+      if (!t.modes.leads(k, i)) continue;
       const std::complex<double> s = t.modes.poles(k, i);
       text += fmt::format("{},{},{},{},{},{},{},{},{},{},{}", t.modes.begin + k, time(t.modes, k), i + 1,
                           t.frequency(k, i), t.frequency(k, i) / (2 * std::numbers::pi), t.damping(k, i), s.real(),

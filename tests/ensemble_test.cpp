@@ -53,6 +53,16 @@ TEST(Ensemble, ExperimentsThatShareNoStepAreWarnedOf) {
       << found[0];
 }
 
+TEST(Ensemble, InputsAndOutputsOfAnExperimentHaveOneRowForEachStep) {
+  const Ensemble e = numbered(3, 5, 2, 3);
+  const Matrix u = e.inputs_of(1), y = e.outputs_of(2);
+  ASSERT_TRUE(u.rows() == 5 && u.cols() == 2 && y.rows() == 5 && y.cols() == 3);
+  for (Index k = 0; k < 5; ++k) {
+    for (Index i = 0; i < 2; ++i) EXPECT_EQ(u(k, i), e.u(1, k, i));
+    for (Index j = 0; j < 3; ++j) EXPECT_EQ(y(k, j), e.y(2, k, j));
+  }
+}
+
 TEST(Ensemble, CompleteRowsAreThoseWithoutAMissingSampleInTheWindow) {
   Ensemble e = numbered(4, 6, 1, 1);
   e.y(0, 1, 0) = nan;

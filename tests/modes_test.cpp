@@ -147,6 +147,16 @@ TEST(Modes, OfATimeInvariantSystemAreItsEigenvalues) {
 }
 
 // The poles belong to the outputs alone: time-varying coordinates and units do not change them.
+TEST(Modes, FirstOfAConjugatePairLeads) {
+  Modes found;
+  found.poles.resize(1, 4);
+  found.poles << Complex(-1, 2), Complex(-1, -2), Complex(-3, 0), Complex(nan, nan);
+  EXPECT_TRUE(found.leads(0, 0));
+  EXPECT_FALSE(found.leads(0, 1));
+  EXPECT_TRUE(found.leads(0, 2));
+  EXPECT_TRUE(found.leads(0, 3));  // a mode that is not known has its row in tables
+}
+
 TEST(Modes, DoNotDependOnCoordinatesOrUnits) {
   for (const SystemSize& size : sizes) {
     const Model model = random_system(size, 30, 1.0, 20 + std::uint64_t(size.n));

@@ -76,6 +76,10 @@ class Ensemble {
   auto output(Index k) const { return samples_.middleCols(k * channels() + inputs_, outputs_); }
   auto output(Index k) { return samples_.middleCols(k * channels() + inputs_, outputs_); }
 
+  // Inputs (T × r) and outputs (T × m) of experiment n at all steps.
+  Matrix inputs_of(Index n) const;
+  Matrix outputs_of(Index n) const;
+
   // W_k = [v_{k-p} … v_{k-1} u_k]  (N × p·d + r): the regressors of step k, oldest lag first (18). Needs k ≥ p.
   auto window(Index k, Index p) const { return samples_.middleCols((k - p) * channels(), p * channels() + inputs_); }
   // [W_k Y_k]  (N × (p+1)·d), contiguous.

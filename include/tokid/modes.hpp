@@ -54,6 +54,8 @@ struct Modes {
 
   Index steps() const { return poles.rows(); }  // S
   Index count() const { return poles.cols(); }  // n
+  // False for the second one of a conjugate pair at row k. A pair is one mode, so tables and pictures show its first.
+  bool leads(Index k, Index i) const { return !(poles(k, i).imag() < 0); }
 };
 // A periodic model has modes at all P steps of a period.
 // \throws std::invalid_argument for an odd or too short window, a negative limit, or a model with fewer than W+1 steps

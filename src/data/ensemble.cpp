@@ -74,6 +74,18 @@ Index Ensemble::missing() const {
   return count;
 }
 
+Matrix Ensemble::inputs_of(Index n) const {
+  Matrix u(steps_, inputs_);
+  for (Index k = 0; k < steps_; ++k) u.row(k) = input(k).row(n);
+  return u;
+}
+
+Matrix Ensemble::outputs_of(Index n) const {
+  Matrix y(steps_, outputs_);
+  for (Index k = 0; k < steps_; ++k) y.row(k) = output(k).row(n);
+  return y;
+}
+
 std::vector<Index> Ensemble::complete_rows(Index k, Index p) const {
   const auto block = window_and_output(k, p);
   // The sum over a row is NaN if a sample of the row is missing.

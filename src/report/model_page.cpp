@@ -697,7 +697,7 @@ class Report {
       std::vector<double> frequencies, dampings;
       Index leading = 0;
       for (Index k = 0; k < modes.steps(); ++k) {
-        if (modes.poles(k, i).imag() < 0) continue;  // the second one of a pair
+        if (!modes.leads(k, i)) continue;
         ++leading;
         if (!modes.valid(k, i)) continue;
         frequencies.push_back(frequency(k, i));
