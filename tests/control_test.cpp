@@ -269,6 +269,22 @@ Model noisy_model(const Case& c, bool innovations, InitialState initial, std::ui
 
 // The formula of textbooks: what the noise costs the controller with the true state, and what the error of the observer
 // costs in addition.
+TEST(ExpectedCost, IsPredictedIfTheModelHasNoise) {
+  Model model = random_system({3, 2, 2}, 6, 1.0, 4);
+  const Controller controller =
+      lqr(model, {.output = {Matrix::Identity(2, 2)}, .input = {Matrix::Identity(2, 2)}}).controller;
+  EXPECT_FALSE(predicted_cost(controller, model).has_value());
+  for (Step& step : model.step) {
+    step.G().setConstant(0.1);
+    step.set_innovation_cov(Matrix::Identity(2, 2));
+  }
+  const std::optional<ExpectedCost> predicted = predicted_cost(controller, model);
+  ASSERT_TRUE(predicted.has_value());
+  EXPECT_EQ(predicted->total(), expected_cost(controller, model, model).total());
+  EXPECT_GT(predicted->total(), 0.0);
+  EXPECT_THROW(predicted_cost(controller, random_system({3, 2, 2}, 6, 1.0, 5)), std::invalid_argument);
+}
+
 TEST(ExpectedCost, IsTheFormulaOfTextbooks) {
   for (const SystemSize& size : control_sizes)
     for (const InitialState initial : {InitialState::zero, InitialState::unknown})

@@ -48,7 +48,12 @@ Controller controller_of(Index steps, bool full) {
     options.y_reference = random.matrix(steps, 2);
     options.u_reference = random.matrix(steps, 2);
   }
-  return lqr(model, weights, options).controller;
+  Controller controller = lqr(model, weights, options).controller;
+  if (full) {
+    controller.model_name = "model.npz";
+    controller.predicted = {1.5, 0.25, 0.0, 3.0, true};
+  }
+  return controller;
 }
 
 void expect_equal(const Controller& a, const Controller& b) {
@@ -69,6 +74,14 @@ void expect_equal(const Controller& a, const Controller& b) {
   EXPECT_EQ(a.weights.input, b.weights.input);
   EXPECT_EQ(a.weights.input_rate, b.weights.input_rate);
   EXPECT_EQ(a.weights.terminal, b.weights.terminal);
+  EXPECT_EQ(a.model_name, b.model_name);
+  ASSERT_EQ(a.predicted.has_value(), b.predicted.has_value());
+  if (!a.predicted) return;
+  EXPECT_EQ(a.predicted->outputs, b.predicted->outputs);
+  EXPECT_EQ(a.predicted->inputs, b.predicted->inputs);
+  EXPECT_EQ(a.predicted->input_rates, b.predicted->input_rates);
+  EXPECT_EQ(a.predicted->measurement_noise, b.predicted->measurement_noise);
+  EXPECT_EQ(a.predicted->presumes_zero_state, b.predicted->presumes_zero_state);
 }
 
 TEST_P(ControllerFile, ReturnsWhatWasWritten) {
@@ -87,6 +100,10 @@ TEST_P(ControllerFile, RefusesOtherFiles) {
   EXPECT_THROW(load_controller(file()), IoError);
   Controller bad = controller_of(4, true);
   bad.K[2] = Matrix::Constant(2, 3, nan);
+  save_controller(bad, file());
+  EXPECT_THROW(load_controller(file()), IoError);
+  bad = controller_of(4, true);
+  bad.predicted->inputs = -1.0;
   save_controller(bad, file());
   EXPECT_THROW(load_controller(file()), IoError);
   bad = controller_of(4, true);

@@ -4,6 +4,8 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
+#include <string>
 #include <vector>
 
 #include "tokid/model.hpp"
@@ -18,6 +20,18 @@ struct CostWeights {
   std::vector<Matrix> input = {};       // R (r × r), likewise; empty: zero
   std::vector<Matrix> input_rate = {};  // S (r × r), likewise; empty: zero. δu is zero before the first step
   Matrix terminal = {};                 // (m × m) added to Q at the last step; empty: zero
+};
+
+// The expectation of J, part by part.
+struct ExpectedCost {
+  double outputs = 0.0, inputs = 0.0, input_rates = 0.0;  // with δy_k = C_k δx_k + D_k δu_k of the true system
+  // What the noise that enters the outputs at the same step adds to the weighted outputs, tr(Q_k R_k), or
+  // tr(Q_k S_k) in innovations form. No controller changes it.
+  double measurement_noise = 0.0;
+  // true: the model knows neither the initial state nor its distribution, and the observer is presumed to begin with
+  // zero. Before it has estimated the state from some samples, the inputs of the real loop are nominal.
+  bool presumes_zero_state = false;
+  double total() const { return outputs + inputs + input_rates; }  // without measurement_noise
 };
 
 // A linear law of control for the steps begin … end-1:
@@ -36,6 +50,10 @@ struct Controller {
   Matrix u_nominal, y_nominal;      // (S × r), (S × m): nominal trajectory of the model at these steps
   Matrix y_reference, u_reference;  // (S × m), (S × r) as stated; empty: zero
   CostWeights weights;              // as stated
+  // For the reader of a file: the name of the model, and the expected cost with its observer and noise. Empty: not
+  // stated. lqr() leaves both empty.
+  std::string model_name = {};
+  std::optional<ExpectedCost> predicted = {};
 
   Index steps() const { return Index(K.size()); }
   Index end() const { return begin + steps(); }
@@ -80,18 +98,6 @@ struct Lqr {
 // at a step, or for steps outside the model; the message names the argument
 Lqr lqr(const Model& model, const CostWeights& weights, const ControlOptions& options = {});
 
-// The expectation of J, part by part.
-struct ExpectedCost {
-  double outputs = 0.0, inputs = 0.0, input_rates = 0.0;  // with δy_k = C_k δx_k + D_k δu_k of the true system
-  // What the noise that enters the outputs at the same step adds to the weighted outputs, tr(Q_k R_k), or
-  // tr(Q_k S_k) in innovations form. No controller changes it.
-  double measurement_noise = 0.0;
-  // true: the model knows neither the initial state nor its distribution, and the observer is presumed to begin with
-  // zero. Before it has estimated the state from some samples, the inputs of the real loop are nominal.
-  bool presumes_zero_state = false;
-  double total() const { return outputs + inputs + input_rates; }  // without measurement_noise
-};
-
 // The exact expected cost if the controller uses the observer (9) of `model`, and the outputs are those of `truth`.
 // With truth = model, it is the cost that LQG predicts. The state of the observer is zero or x0_mean at the first step
 // of its model. Before the first step of the controller, inputs are those of the nominal trajectory of the model. The
@@ -100,6 +106,10 @@ struct ExpectedCost {
 // std::invalid_argument if numbers of channels disagree, if `model` is not the model of the controller, if `truth`
 // begins after `model`, or if one of them does not have all steps of the controller
 ExpectedCost expected_cost(const Controller& controller, const Model& model, const Model& truth);
+
+// expected_cost() with truth = model: the cost that LQG predicts. Empty if the model has no noise. \throws as
+// expected_cost()
+std::optional<ExpectedCost> predicted_cost(const Controller& controller, const Model& model);
 
 struct ClosedLoopSimulation {
   Ensemble data;  // inputs and measured outputs of the experiments, steps 0 … end-1; NaN before the system begins

@@ -86,9 +86,11 @@ void bind_controller(nb::module_& module) {
            })
       .def_prop_ro("cost_to_go", [](const Lqr& lqr) { return arrays_of(lqr.cost_to_go.P); })
       .def("save",
-           [](const Lqr& lqr, const std::filesystem::path& path, bool mat73) {
+           [](const Lqr& lqr, const Model& model, const std::filesystem::path& path, bool mat73) {
              without_gil([&] {
-               save_controller(lqr.controller, path, {mat73});
+               Controller saved = lqr.controller;
+               if (!saved.predicted) saved.predicted = predicted_cost(saved, model);
+               save_controller(saved, path, {mat73});
                return 0;
              });
            })

@@ -123,7 +123,11 @@ def test_files_of_controllers(system, extension, tmp_path):
         for name in "KL":
             pairs = list(zip(getattr(loaded, name), getattr(controller, name)))
             assert all(np.array_equal(a, b) for a, b in pairs) and len(pairs) == len(getattr(controller, name))
-        assert loaded.expected_cost() == controller.expected_cost()
+        cost = controller.expected_cost()
+        assert loaded.expected_cost() == cost
+        if extension == ".npz":
+            stored = np.load(file)["expected_cost"]
+            assert np.array_equal(stored, [cost.outputs, cost.inputs, cost.input_rates, cost.measurement_noise])
         assert len(loaded.cost_to_go) == 0
     system.save(file)
     with pytest.raises(tokid.IoError, match="a model found, a controller of tokid lqr"):

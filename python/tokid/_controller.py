@@ -72,7 +72,7 @@ class Controller:
             Write a .mat of MATLAB version 7.3.
         """
         with writing(path) as file:
-            self._core.save(file, bool(mat73))
+            self._core.save(self._model._core, file, bool(mat73))
 
     @property
     def model(self) -> StateSpace:

@@ -379,6 +379,13 @@ ExpectedCost expected_cost(const Controller& controller, const Model& model, con
   return cost;
 }
 
+std::optional<ExpectedCost> predicted_cost(const Controller& controller, const Model& model) {
+  controller.check(model);
+  const bool separate = model.has(&Step::has_Q) && model.has(&Step::has_R);
+  if (!separate && !model.has(&Step::has_innovation_cov)) return std::nullopt;
+  return expected_cost(controller, model, model);
+}
+
 namespace {
 
 // The closed loop of all experiments as rows.

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <charconv>
+#include <cmath>
 #include <stdexcept>
 
 #include "io/formats/files.hpp"
@@ -24,7 +25,8 @@ const Names& controller_names() {
                            "input_weight",    "input_rate_weight",
                            "terminal_weight", "input_names",
                            "output_names",    "input_units",
-                           "output_units"};
+                           "output_units",    "model",
+                           "expected_cost",   "presumes_zero_state"};
   return names;
 }
 
@@ -61,6 +63,13 @@ Arrays arrays_of(const Controller& c, Layout layout) {
   arrays.emplace_back("k_begin", scalar(c.begin));
   arrays.emplace_back("dt", scalar(c.dt));
   arrays.emplace_back("system", scalar(fmt::format("{:016x}", c.system)));
+  if (!c.model_name.empty()) arrays.emplace_back("model", scalar(c.model_name));
+  if (c.predicted) {
+    const ExpectedCost& cost = *c.predicted;
+    arrays.emplace_back("expected_cost",
+                        Array{{4}, std::vector{cost.outputs, cost.inputs, cost.input_rates, cost.measurement_noise}});
+    arrays.emplace_back("presumes_zero_state", scalar(Index(cost.presumes_zero_state)));
+  }
   add_channels(c.names, arrays);
   add_stack("output_weight", c.weights.output, m, m);
   add_stack("input_weight", c.weights.input, r, r);
@@ -141,6 +150,14 @@ Controller controller_of(const Fields& fields) {
   c.weights.input = weights_of(fields, "input_weight", r, size(S));
   c.weights.input_rate = weights_of(fields, "input_rate_weight", r, size(S));
   if (fields.has("terminal_weight")) c.weights.terminal = trajectory_of(fields, "terminal_weight", m, m);
+  if (fields.has("model")) c.model_name = fields.text("model");
+  if (fields.has("expected_cost")) {
+    const std::vector<double>& cost = fields.list("expected_cost", 4);
+    for (const double part : cost)
+      if (!(part >= 0) || std::isinf(part))
+        fail("data set 'expected_cost': {} found, finite numbers from 0 on needed", part);
+    c.predicted = {cost[0], cost[1], cost[2], cost[3], fields.integer("presumes_zero_state") != 0};
+  }
   return c;
 }
 
