@@ -1,7 +1,12 @@
-// tokid lqr: a model and weights → a controller of the departures from the nominal trajectory.
+// tokid lqr: a model and weights → a controller of the departures from the nominal trajectory, and its closed loop.
 // SPDX-License-Identifier: BSD-3-Clause
+#include <cmath>
+#include <optional>
+
 #include "command.hpp"
 #include "common.hpp"
+#include "control_rows.hpp"
+#include "model/continuation.hpp"
 #include "tokid/controller_file.hpp"
 #include "weights.hpp"
 
@@ -10,9 +15,10 @@ namespace tokid::app {
 namespace {
 
 struct Call {
-  fs::path model, output;
-  Weights outputs = {1.0}, inputs = {1.0}, rates, terminal;
+  fs::path model, output, reference, simulated, truth;
+  Weights outputs = {1.0}, inputs = {1.0}, rates, terminal, lower, upper;
   Index begin = -1, end = -1;
+  SimulateControlOptions simulation = {.experiments = 100};
   bool json = false;
 };
 
@@ -25,54 +31,93 @@ CostWeights cost_of(const Call& call, const Model& model) {
   return cost;
 }
 
-struct Costs {
-  ExpectedCost controlled, nominal;  // with the controller, and with the nominal inputs alone
-};
+// The wanted outputs of the steps begin … end-1 as departures from the nominal trajectory.
+Matrix reference_of(const Call& call, const Model& model, const Ensemble& wanted, Index begin, Index end) {
+  if (wanted.steps() < end)
+    throw std::invalid_argument(fmt::format("{}: {} found, {} needed, the end of the controller",
+                                            call.reference.string(), plural(wanted.steps(), "step"), end));
+  Matrix y = wanted.outputs_of(0).middleRows(begin, end - begin);
+  for (Index k = begin; k < end; ++k) {
+    if (!y.row(k - begin).allFinite())
+      throw std::invalid_argument(
+          fmt::format("{}: a missing output found at step {}, all outputs of the steps {} to {} needed",
+                      call.reference.string(), k, begin, end - 1));
+    subtract_nominal(model.y_nominal, nominal_row(model, model.y_nominal, k), y.row(k - begin));
+  }
+  return y;
+}
 
-// Empty if the model has no noise.
-std::optional<Costs> costs_of(const Controller& controller, const Model& model) {
-  if (!model.has(&Step::has_innovation_cov) && !(model.has(&Step::has_Q) && model.has(&Step::has_R)))
-    return std::nullopt;
+Controller design(const Call& call, const Model& model, const CostWeights& weights,
+                  const std::optional<Ensemble>& wanted) {
+  ControlOptions options{call.begin, call.end};
+  const Index begin = call.begin < 0 ? model.k_begin : call.begin, end = call.end < 0 ? model.k_end() : call.end;
+  const bool has_steps = begin < end && begin >= model.k_begin && has_step(model, end - 1);  // or lqr() refuses them
+  if (wanted && has_steps) options.y_reference = reference_of(call, model, *wanted, begin, end);
+  Controller controller = about(call.model, [&] { return lqr(model, weights, options).controller; });
+  controller.model_name = call.model.filename().string();
+  controller.predicted = about(call.model, [&] { return predicted_cost(controller, model); });
+  return controller;
+}
+
+// The cost with the nominal inputs alone. Empty if the model has no noise.
+std::optional<ExpectedCost> nominal_cost(const Controller& controller, const Model& model) {
   Controller idle = controller;
   for (std::vector<Matrix>* gains : {&idle.K, &idle.L})
     for (Matrix& gain : *gains) gain.setZero();
-  return Costs{expected_cost(controller, model, model), expected_cost(idle, model, model)};
+  idle.feedforward.resize(0, 0);
+  return predicted_cost(idle, model);
+}
+
+Vector limits_of(const char* option, const Weights& limits, Index inputs) {
+  return limits.empty() ? Vector() : Vector(diagonal(option, limits, inputs).diagonal());
+}
+
+ClosedLoopSimulation simulate(const Call& call, const Controller& controller, const Model& model) {
+  SimulateControlOptions options = call.simulation;
+  options.u_min = limits_of("--u-min", call.lower, model.inputs);
+  options.u_max = limits_of("--u-max", call.upper, model.inputs);
+  if (call.truth.empty()) return about(call.model, [&] { return simulate_control(controller, model, model, options); });
+  const Model truth = load_model(call.truth);
+  return about(call.truth, [&] { return simulate_control(controller, model, truth, options); });
+}
+
+struct MeanCost {
+  double mean, error;  // error: standard error of the mean; NaN for one experiment
+};
+
+MeanCost mean_of(const Vector& cost) {
+  const double count = double(cost.size()), mean = cost.mean();
+  return {mean, std::sqrt((cost.array() - mean).square().sum() / (count - 1) / count)};
 }
 
 std::string report(const Call& call, const Model& model, const Controller& controller,
-                   const std::optional<Costs>& costs) {
+                   const std::optional<ExpectedCost>& nominal, const std::optional<ClosedLoopSimulation>& loop) {
   Page page;
   page.row("Model", describe(model));
   page.row("Steps", fmt::format("{} to {}", controller.begin, controller.end() - 1));
-  page.row("Weights", fmt::format("outputs {}, inputs {}", list(call.outputs), list(call.inputs)));
-  if (!call.rates.empty()) page.row("", fmt::format("input rates {}", list(call.rates)));
-  if (!call.terminal.empty()) page.row("", fmt::format("outputs of the last step {} more", list(call.terminal)));
-  if (costs) {
-    const ExpectedCost& c = costs->controlled;
-    page.row("Cost", fmt::format("{} expected with the observer: outputs {}, inputs {}{}", number(c.total()),
-                                 number(c.outputs), number(c.inputs),
-                                 call.rates.empty() ? "" : fmt::format(", input rates {}", number(c.input_rates))));
-    page.row("", fmt::format("{} with the nominal inputs alone", number(costs->nominal.total())));
-    if (c.presumes_zero_state)
-      page.row(
-          "",
-          "This presumes that the observer begins with the state zero. Until it has estimated the state, the inputs are nominal.");
+  add_weights_rows(page, controller.weights);
+  if (!call.reference.empty()) page.row("Reference", call.reference.string());
+  if (controller.predicted) {
+    add_cost_rows(page, *controller.predicted, !call.rates.empty());
+    page.row("", fmt::format("{} with the nominal inputs alone", number(nominal->total())));
   } else {
     page.row("Cost", "not known, because the model has no noise");
+  }
+  if (loop) {
+    const MeanCost cost = mean_of(loop->cost);
+    const std::string error = std::isnan(cost.error) ? "" : fmt::format(" ± {}", number(cost.error));
+    page.row("Simulated",
+             fmt::format("{} on {}: mean cost {}{}", plural(loop->cost.size(), "experiment"),
+                         call.truth.empty() ? "the model" : call.truth.string(), number(cost.mean), error));
+    page.row("", call.simulated.string());
   }
   page.row("Written", call.output.string());
   return page.text();
 }
 
-Json json_of(const ExpectedCost& cost) {
-  return {{"outputs", cost.outputs},
-          {"inputs", cost.inputs},
-          {"input_rates", cost.input_rates},
-          {"measurement_noise", cost.measurement_noise},
-          {"total", cost.total()}};
-}
-
-Json json(const Call& call, const Controller& controller, const std::optional<Costs>& costs) {
+Json json(const Call& call, const Controller& controller, const std::optional<ExpectedCost>& nominal,
+          const std::optional<ClosedLoopSimulation>& loop, const Findings& findings) {
+  const std::optional<ExpectedCost>& predicted = controller.predicted;
   Json j;
   j["model"] = call.model.string();
   j["controller"] = call.output.string();
@@ -82,26 +127,47 @@ Json json(const Call& call, const Controller& controller, const std::optional<Co
   j["input_weight"] = call.inputs;
   j["input_rate_weight"] = call.rates;
   j["terminal_weight"] = call.terminal;
-  j["expected_cost"] = costs ? json_of(costs->controlled) : Json();
-  j["presumes_zero_state"] = costs ? Json(costs->controlled.presumes_zero_state) : Json();
-  j["nominal_cost"] = costs ? json_of(costs->nominal) : Json();
+  j["reference"] = call.reference.empty() ? Json() : Json(call.reference.string());
+  j["expected_cost"] = predicted ? json_of(*predicted) : Json();
+  j["presumes_zero_state"] = predicted ? Json(predicted->presumes_zero_state) : Json();
+  j["nominal_cost"] = nominal ? json_of(*nominal) : Json();
+  if (loop) {
+    const MeanCost cost = mean_of(loop->cost);
+    j["simulation"] = {{"data", call.simulated.string()},
+                       {"truth", call.truth.empty() ? Json() : Json(call.truth.string())},
+                       {"cost", numbers(loop->cost)},
+                       {"mean_cost", cost.mean},
+                       {"standard_error", cost.error}};
+  } else {
+    j["simulation"] = nullptr;
+  }
+  add_findings(j, findings);
   j["version"] = version;
   return j;
 }
 
 void run(const Call& call) {
-  check_output(call.output, Content::controller, {call.model});
+  check_output(call.output, Content::controller, {call.model, call.reference, call.truth});
+  if (!call.simulated.empty())
+    check_output(call.simulated, Content::ensemble, {call.model, call.reference, call.truth, call.output});
   const Model model = load_model(call.model);
   const CostWeights weights = cost_of(call, model);
-  const Controller controller = about(call.model, [&] {
-    return lqr(model, weights, {call.begin, call.end}).controller;
-  });
-  const std::optional<Costs> costs = about(call.model, [&] { return costs_of(controller, model); });
+  std::optional<Ensemble> wanted;
+  if (!call.reference.empty()) wanted = load_reference(model, call.reference, {});
+  const Controller controller = design(call, model, weights, wanted);
+  const std::optional<ExpectedCost> nominal = about(call.model, [&] { return nominal_cost(controller, model); });
+  std::optional<ClosedLoopSimulation> loop;
+  if (!call.simulated.empty()) {
+    loop = simulate(call, controller, model);
+    save_ensemble(loop->data, call.simulated);
+  }
   save_controller(controller, call.output);
+  const Findings findings = wanted ? differences(model, *wanted) : Findings();
   if (call.json)
-    print(json(call, controller, costs));
+    print(json(call, controller, nominal, loop, findings));
   else
-    print(report(call, model, controller, costs));
+    print(report(call, model, controller, nominal, loop));
+  warn(findings);
 }
 
 }  // namespace
@@ -122,6 +188,19 @@ void add_lqr(CLI::App& tool) {
   command.number<Index>("--begin", call->begin, "K", "First step (default that of the model)", 0, most);
   command.number<Index>("--end", call->end, "K",
                         "Step after the last one (default that of the model; periodic models go on)", 1, most);
+  command.file("--reference", call->reference,
+               "Ensemble of one experiment with the wanted outputs; its inputs do not matter");
+  command.file("--simulate", call->simulated, "Ensemble to write: simulated experiments of the closed loop");
+  command.file("--truth", call->truth, "Model of the system that is simulated (default MODEL)");
+  command.number<Index>("--experiments", call->simulation.experiments, "N", "Simulated experiments (default 100)", 1,
+                        1'000'000);
+  command.number<std::uint64_t>("--seed", call->simulation.seed, "S", "Seed of the simulated noise (default 1)", 0);
+  command.flag(
+      "--no-noise", [call] { call->simulation.noise = false; }, "Simulate without noise, from the mean initial state");
+  add_limits(command, "--u-min", call->lower, "Smallest simulated inputs, one or one for each (default none)");
+  add_limits(command, "--u-max", call->upper, "Largest simulated inputs, one or one for each (default none)");
+  for (const char* option : {"--truth", "--experiments", "--seed", "--no-noise", "--u-min", "--u-max"})
+    command.needs(option, "--simulate");
   command.flag("--json", call->json, "Print one JSON object");
   command.runs([call] { run(*call); });
 }

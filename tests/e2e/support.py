@@ -126,6 +126,16 @@ def write_ensemble(path, experiments=40, steps=600, noise=0.0, seed=5, **options
     return path
 
 
+NOISE = ["--process-noise", 0.1, "--measurement-noise", 0.1]
+
+
+def identified(tokid, folder, steps):
+    """Write data.npz, 40 experiments of the oscillator with noise, and model.npz, identified from them."""
+    tokid("example", "oscillator", "-o", folder / "data.npz", "--experiments", 40, "--steps", steps, *NOISE)
+    tokid("identify", folder / "data.npz", "-o", folder / "model.npz", "--states", 4, "--quiet")
+    return folder
+
+
 def leftovers(folder):
     return sorted(name for name in os.listdir(folder) if name.endswith(".tmp"))
 

@@ -179,11 +179,7 @@ def test_random_models(tokid, tmp_path):
 
 @pytest.fixture(scope="module")
 def folder(tokid, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("export")
-    tokid("example", "oscillator", "-o", folder / "data.npz", "--experiments", 40, "--steps", 40, "--process-noise", 0.1,
-          "--measurement-noise", 0.1)
-    tokid("identify", folder / "data.npz", "-o", folder / "model.npz", "--states", 4, "--quiet")
-    return folder
+    return support.identified(tokid, tmp_path_factory.mktemp("export"), 40)
 
 
 def save(folder, model, **changes):

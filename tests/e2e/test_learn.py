@@ -3,15 +3,13 @@
 
 import numpy as np
 import pytest
+from support import NOISE, identified
 
 
 @pytest.fixture(scope="module")
 def folder(tokid, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("learn")
-    noise = ["--process-noise", 0.1, "--measurement-noise", 0.1]
-    tokid("example", "oscillator", "-o", folder / "data.npz", "--experiments", 40, "--steps", 30, *noise)
-    tokid("identify", folder / "data.npz", "-o", folder / "model.npz", "--states", 4, "--quiet")
-    tokid("example", "oscillator", "-o", folder / "runs.npz", "--experiments", 3, "--steps", 30, "--seed", 2, *noise)
+    folder = identified(tokid, tmp_path_factory.mktemp("learn"), 30)
+    tokid("example", "oscillator", "-o", folder / "runs.npz", "--experiments", 3, "--steps", 30, "--seed", 2, *NOISE)
     tokid("example", "oscillator", "-o", folder / "wanted.npz", "--experiments", 1, "--steps", 30, "--seed", 3)
     return folder
 

@@ -1,19 +1,16 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""tokid lqr: controllers in files."""
+"""tokid lqr: controllers in files, and their closed loop."""
 
 import h5py
 import numpy as np
 import pytest
 import scipy.io
+from support import identified, load
 
 
 @pytest.fixture(scope="module")
 def folder(tokid, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("lqr")
-    tokid("example", "oscillator", "-o", folder / "data.npz", "--experiments", 40, "--steps", 30, "--process-noise", 0.1,
-          "--measurement-noise", 0.1)
-    tokid("identify", folder / "data.npz", "-o", folder / "model.npz", "--states", 4, "--quiet")
-    return folder
+    return identified(tokid, tmp_path_factory.mktemp("lqr"), 30)
 
 
 def riccati(model, q, r):
@@ -94,6 +91,87 @@ def test_costs_of_unknown_initial_states(tokid, folder):
 def test_refusals(tokid, folder, words, message):
     refused = tokid("lqr", folder / "model.npz", *words, "-o", folder / "no.h5", status=2)
     assert message in refused.stderr and not (folder / "no.h5").exists()
+
+
+def closed_loop(model, controller, truth, u_min, u_max):
+    """The loop without noise from rest, and its cost, for models and controllers of the same steps."""
+    n, begin = model["A"].shape[-1], int(model["k_begin"])
+    x, estimate, cost = np.zeros(n), np.zeros(n), 0.0
+    inputs, outputs = [], []
+    for s, gain in enumerate(controller["controller_gain"]):
+        du = controller["feedforward"][s] - gain @ estimate
+        u = np.clip(controller["u_nominal"][s] + du, u_min, u_max)
+        du, k = u - controller["u_nominal"][s], begin + s
+        true_u = u - (truth["u_nominal"][k] if "u_nominal" in truth else 0)
+        y = truth["C"][s] @ x + truth["D"][s] @ true_u + (truth["y_nominal"][k] if "y_nominal" in truth else 0)
+        error = y - controller["y_nominal"][s] - controller["y_reference"][s]
+        cost += error @ controller["output_weight"][0] @ error + du @ controller["input_weight"][0] @ du
+        innovation = y - controller["y_nominal"][s] - model["C"][s] @ estimate - model["D"][s] @ du
+        estimate = model["A"][s] @ estimate + model["B"][s] @ du - model["G"][s] @ innovation
+        x = truth["A"][s] @ x + truth["B"][s] @ true_u
+        inputs.append(u)
+        outputs.append(y)
+    return np.array(inputs), np.array(outputs), cost
+
+
+def test_simulated_loop_follows_a_reference(tokid, folder):
+    tokid("example", "oscillator", "-o", folder / "wanted.npz", "--experiments", 1, "--steps", 30, "--seed", 3)
+    tokid("example", "oscillator", "-o", folder / "other.npz", "--experiments", 40, "--steps", 30, "--seed", 9,
+          "--process-noise", 0.1, "--measurement-noise", 0.1)
+    tokid("identify", folder / "other.npz", "-o", folder / "truth.npz", "--states", 4, "--quiet")
+    wanted, model, truth = (load(folder / f"{name}.npz") for name in ("wanted", "model", "truth"))
+    call = ["lqr", folder / "model.npz", "--output-weight", 50, "--reference", folder / "wanted.npz", "-o",
+            folder / "follow.npz", "--simulate", folder / "loop.npz", "--truth", folder / "truth.npz", "--u-min", "-0.4",
+            "--u-max", "0.4,0.5"]
+    report = tokid.json(*call, "--no-noise", "--experiments", 2)
+    controller, loop, begin = load(folder / "follow.npz"), load(folder / "loop.npz"), int(model["k_begin"])
+    assert np.array_equal(truth["state_dim"], model["state_dim"]) and truth["k_begin"] == begin
+    reference = wanted["y"][0, begin:] - controller["y_nominal"]
+    assert np.allclose(controller["y_reference"], reference, rtol=0, atol=1e-12 * np.abs(reference).max())
+    u, y, cost = closed_loop(model, controller, truth, [-0.4, -0.4], [0.4, 0.5])
+    assert np.max(u, axis=0).tolist() == [0.4, 0.5] and u.min() == -0.4
+    scale = np.abs(y).max()
+    for n in range(2):  # rounding errors of 30 steps
+        assert np.allclose(loop["u"][n, begin:], u, rtol=0, atol=1e-10 * np.abs(u).max())
+        assert np.allclose(loop["y"][n, begin:], y, rtol=0, atol=1e-10 * scale)
+    assert np.allclose(report["simulation"]["cost"], cost, rtol=1e-9)
+    assert report["simulation"]["standard_error"] <= 1e-9 * cost and report["reference"] == str(folder / "wanted.npz")
+
+
+def test_simulated_cost_is_that_expected(tokid, folder):
+    call = ["lqr", folder / "model.npz", "-o", folder / "c.npz", "--simulate", folder / "loop.csv", "--experiments", 400]
+    report = tokid.json(*call, "--seed", 5)
+    found, expected = report["simulation"], report["expected_cost"]["total"]
+    costs = np.array(found["cost"])
+    assert len(costs) == 400 and found["truth"] is None
+    assert np.isclose(found["mean_cost"], costs.mean()) and np.isclose(found["standard_error"], costs.std(ddof=1) / 20)
+    assert abs(found["mean_cost"] - expected) < 4 * found["standard_error"]  # of a fixed seed
+    assert tokid.json(*call, "--seed", 6)["simulation"]["mean_cost"] != found["mean_cost"]
+    assert "400 experiments on the model: mean cost" in tokid(*call).stdout
+    assert (folder / "loop.csv").exists()
+
+
+@pytest.mark.parametrize("words, message", [
+    (["--reference", "data.npz"], "data.npz: 40 experiments found, one needed"),
+    (["--reference", "short.npz"], "short.npz: 20 steps found, 30 needed, the end of the controller"),
+    (["--reference", "gap.npz"], "gap.npz: a missing output found at step 12, all outputs of the steps"),
+    (["--experiments", "3"], "--simulate"),
+    (["--simulate", "model.npz"], "another file of this command has this name"),
+    (["--simulate", "loop.npz", "--truth", "single.npz"], "truth: 1 inputs and 2 outputs found"),
+    (["--simulate", "loop.npz", "--u-min", "1", "--u-max", "0"], "u_min: a limit above u_max found"),
+    (["--simulate", "loop.npz", "--u-max", "1,2,3"], "--u-max: 3 numbers found")])
+def test_refusals_of_the_loop(tokid, folder, words, message):
+    tokid("example", "oscillator", "-o", folder / "short.npz", "--experiments", 1, "--steps", 20)
+    tokid("example", "oscillator", "-o", folder / "gap.npz", "--experiments", 1, "--steps", 30)
+    gap, model = load(folder / "gap.npz"), load(folder / "model.npz")
+    gap["y"][0, 12, 1] = np.nan
+    np.savez(folder / "gap.npz", **gap)
+    inputs = {name: model[name][..., :1] for name in ("B", "D", "u_nominal") if name in model}
+    kept = {name: value for name, value in model.items() if not name.startswith("input_")}
+    np.savez(folder / "single.npz", **{**kept, **inputs})
+    words = [folder / word if word.endswith(".npz") else word for word in words]
+    refused = tokid("lqr", folder / "model.npz", *words, "-o", folder / "never.h5", status=2)
+    assert message in refused.stderr and not (folder / "never.h5").exists()
 
 
 def test_files_of_another_kind(tokid, folder):
