@@ -14,7 +14,11 @@ struct Call {
 };
 
 void run(const Call& call) {
-  const bool model = file_kind(call.input) == FileKind::model;
+  const FileKind kind = file_kind(call.input);
+  if (kind == FileKind::controller)
+    throw std::invalid_argument(
+        fmt::format("{}: a controller of tokid lqr found, an ensemble or a model needed", call.input.string()));
+  const bool model = kind == FileKind::model;
   // The converted file has only the arrays and columns that tokid uses. The original must therefore not be replaced.
   check_output(call.output, model ? Content::model : Content::ensemble, {call.input});
   if (call.write.mat73 && extension_of(call.output) != ".mat")

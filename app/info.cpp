@@ -6,7 +6,9 @@
 
 #include "command.hpp"
 #include "common.hpp"
+#include "control_rows.hpp"
 #include "io/formats/provenance_text.hpp"
+#include "tokid/controller_file.hpp"
 
 namespace tokid::app {
 
@@ -235,6 +237,69 @@ std::string report(const Call& call, const Model& model) {
   return page.text();
 }
 
+// Controllers
+
+Span state_dimensions(const Controller& c) {
+  std::vector<Index> values;
+  for (const Matrix& gain : c.K) values.push_back(gain.cols());
+  return span(values);
+}
+
+Json json(const std::vector<Matrix>& matrices) {
+  Json list = Json::array();
+  for (const Matrix& matrix : matrices) {
+    Json rows = Json::array();
+    for (Index i = 0; i < matrix.rows(); ++i) rows.push_back(numbers(matrix.row(i).transpose()));
+    list.push_back(std::move(rows));
+  }
+  return list;
+}
+
+Json json(const Call& call, const Controller& c) {
+  const Span dims = state_dimensions(c);
+  Json j;
+  j["file"] = call.file.string();
+  j["kind"] = "controller";
+  j["model"] = c.model_name.empty() ? Json() : Json(c.model_name);
+  j["system"] = fmt::format("{:016x}", c.system);
+  j["inputs"] = c.u_nominal.cols();
+  j["outputs"] = c.outputs;
+  j["state_dim"] = {{"min", dims.least}, {"max", dims.most}};
+  j["begin"] = c.begin;
+  j["end"] = c.end();
+  j["dt"] = c.dt;
+  j["output_weight"] = json(c.weights.output);
+  j["input_weight"] = json(c.weights.input);
+  j["input_rate_weight"] = json(c.weights.input_rate);
+  j["terminal_weight"] = c.weights.terminal.size() > 0 ? json({c.weights.terminal})[0] : Json();
+  j["output_reference"] = c.y_reference.size() > 0;
+  j["input_reference"] = c.u_reference.size() > 0;
+  j["nominal"] = !c.u_nominal.isZero(0) || !c.y_nominal.isZero(0);
+  j["expected_cost"] = c.predicted ? json_of(*c.predicted) : Json();
+  j["presumes_zero_state"] = c.predicted ? Json(c.predicted->presumes_zero_state) : Json();
+  return j;
+}
+
+std::string report(const Call& call, const Controller& c) {
+  Page page;
+  page.row("Controller", call.file.string());
+  page.row("", fmt::format("{}, {}, steps {} to {}, dt = {} s", plural(c.u_nominal.cols(), "input"),
+                           plural(c.outputs, "output"), c.begin, c.end() - 1, number(c.dt)));
+  page.row("Model", fmt::format("{}, state dimensions {}", c.model_name.empty() ? "without a name" : c.model_name,
+                                text(state_dimensions(c))));
+  add_weights_rows(page, c.weights);
+  std::vector<std::string> references;
+  if (c.y_reference.size() > 0) references.emplace_back("outputs");
+  if (c.u_reference.size() > 0) references.emplace_back("inputs");
+  page.row("Reference",
+           references.empty() ? "none: the nominal trajectory" : fmt::format("{}", fmt::join(references, " and ")));
+  if (c.predicted)
+    add_cost_rows(page, *c.predicted, !c.weights.input_rate.empty());
+  else
+    page.row("Cost", "not stored");
+  return page.text();
+}
+
 template <class Content>
 void show(const Call& call, const Content& content) {
   if (call.json)
@@ -244,7 +309,9 @@ void show(const Call& call, const Content& content) {
 }
 
 void run(const Call& call) {
-  if (file_kind(call.file) == FileKind::model) return show(call, load_model(call.file));
+  const FileKind kind = file_kind(call.file);
+  if (kind == FileKind::model) return show(call, load_model(call.file));
+  if (kind == FileKind::controller) return show(call, load_controller(call.file));
   const Ensemble data = load_ensemble(call.file, call.read);
   show(call, data);
   warn(remarks(data));
@@ -254,8 +321,8 @@ void run(const Call& call) {
 
 void add_info(CLI::App& tool) {
   const auto call = std::make_shared<Call>();
-  Command command(tool, "info", "What is in an ensemble or a model", "tokid info data.h5");
-  command.argument("FILE", call->file, "Ensemble or model");
+  Command command(tool, "info", "What is in an ensemble, a model or a controller", "tokid info data.h5");
+  command.argument("FILE", call->file, "Ensemble, model or controller");
   command.columns(call->read);
   command.flag("--json", call->json, "Print one JSON object");
   command.runs([call] { run(*call); });

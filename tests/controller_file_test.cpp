@@ -91,7 +91,8 @@ TEST_P(ControllerFile, ReturnsWhatWasWritten) {
       save_controller(controller, file());
       expect_equal(load_controller(file()), controller);
       EXPECT_THROW(load_model(file()), IoError);
-      EXPECT_THROW(file_kind(file()), IoError);
+      EXPECT_THROW(load_ensemble(file()), IoError);
+      EXPECT_EQ(file_kind(file()), FileKind::controller);
     }
 }
 

@@ -50,7 +50,7 @@ struct FileState {
   std::string modified, changed;  // in UTC
 };
 
-enum class FileKind { ensemble, model };
+enum class FileKind { ensemble, model, controller };
 
 // Reading of files; docs/formats.md has the names and shapes. \throws IoError
 FileKind file_kind(const std::filesystem::path& path);

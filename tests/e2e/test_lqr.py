@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""tokid lqr: controllers in files, and their closed loop."""
+"""tokid lqr: controllers in files, their closed loop, and what tokid info says about them."""
 
 import h5py
 import numpy as np
@@ -174,9 +174,34 @@ def test_refusals_of_the_loop(tokid, folder, words, message):
     assert message in refused.stderr and not (folder / "never.h5").exists()
 
 
+def test_info(tokid, folder):
+    report = tokid.json("lqr", folder / "model.npz", "--output-weight", "2,3", "--input-rate-weight", 0.5,
+                        "--terminal-weight", 4, "-o", folder / "seen.h5")
+    found = tokid.json("info", folder / "seen.h5")
+    model = load(folder / "model.npz")
+    assert found["kind"] == "controller" and found["model"] == "model.npz"
+    assert (found["begin"], found["end"], found["inputs"], found["outputs"]) == (report["begin"], report["end"], 2, 2)
+    assert found["state_dim"] == {"min": model["state_dim"][:-1].min(), "max": 4}
+    assert found["output_weight"] == [[[2, 0], [0, 3]]] and found["input_rate_weight"] == [[[0.5, 0], [0, 0.5]]]
+    assert found["terminal_weight"] == [[4, 0], [0, 4]]
+    assert found["expected_cost"] == report["expected_cost"] and found["presumes_zero_state"] is False
+    with h5py.File(folder / "seen.h5") as file:
+        assert found["system"] == file["system"][()].decode()
+    text = tokid("info", folder / "seen.h5").stdout
+    for part in ("model.npz, state dimensions", "outputs 2, 3, inputs 1", "input rates 0.5", "outputs of the last step 4 more",
+                 "expected with the observer", "none: the nominal trajectory"):
+        assert part in text
+    without = {name: value for name, value in model.items() if name not in ("innovation_cov", "Q", "R", "K")}
+    np.savez(folder / "quiet.npz", **without)
+    tokid("lqr", folder / "quiet.npz", "-o", folder / "quiet.h5")
+    assert tokid.json("info", folder / "quiet.h5")["expected_cost"] is None
+    assert "not stored" in tokid("info", folder / "quiet.h5").stdout
+
+
 def test_files_of_another_kind(tokid, folder):
     tokid("lqr", folder / "model.npz", "-o", folder / "kind.h5")
-    for words in (["info", folder / "kind.h5"], ["simulate", folder / "kind.h5", folder / "data.npz", "-o",
-                                                 folder / "no.npz"], ["lqr", folder / "kind.h5", "-o", folder / "no.h5"]):
-        assert "kind.h5" in tokid(*words, status=2).stderr
-    assert "a controller of tokid lqr found" in tokid("info", folder / "kind.h5", status=2).stderr
+    for words in (["simulate", folder / "kind.h5", folder / "data.npz", "-o", folder / "no.npz"],
+                  ["simulate", folder / "model.npz", folder / "kind.h5", "-o", folder / "no.npz"],
+                  ["convert", folder / "kind.h5", folder / "no.npz"],
+                  ["lqr", folder / "kind.h5", "-o", folder / "no.h5"]):
+        assert "kind.h5: a controller of tokid lqr found" in tokid(*words, status=2).stderr

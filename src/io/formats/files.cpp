@@ -101,7 +101,7 @@ FileKind file_kind(const fs::path& path) {
     if (io::is_ensemble(found)) return FileKind::ensemble;
     if (io::is_update_state(found))
       fail("an update state of identify --state found, an ensemble or a model needed; only tokid update reads a state");
-    if (io::is_controller(found)) fail("a controller of tokid lqr found, an ensemble or a model needed");
+    if (io::is_controller(found)) return FileKind::controller;
     fail("neither an ensemble ('u', 'y') nor a model ('A', 'state_dim') found among {}", io::quoted(found));
   });
 }
@@ -113,6 +113,7 @@ Ensemble load_ensemble(const fs::path& path, const ReadOptions& options) {
       fail("columns can be chosen in .csv files only; here 'u' are the inputs and 'y' the outputs");
     const io::Fields fields(read(path, format, io::ensemble_names()));
     if (io::is_model(fields.names())) fail("a model found, an ensemble ('u', 'y') needed");
+    if (io::is_controller(fields.names())) fail("a controller of tokid lqr found, an ensemble ('u', 'y') needed");
     Ensemble e = io::ensemble_of(fields, options.outputs_required);
     io::complete_sample_time(e, e.steps(), fields.names(),
                              [&](const io::Names& wanted) { return read(path, format, wanted); });
@@ -134,6 +135,8 @@ Model load_model(const fs::path& path) {
   Model model;
   io::load_arrays(path, io::model_names(), [&](const io::Fields& fields) {
     if (io::is_ensemble(fields.names())) fail("an ensemble found, a model ('A', 'B', 'C', 'D', 'state_dim') needed");
+    if (io::is_controller(fields.names()))
+      fail("a controller of tokid lqr found, a model ('A', 'B', 'C', 'D', 'state_dim') needed");
     model = io::model_of(fields);
   });
   return model;
