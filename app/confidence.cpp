@@ -137,6 +137,16 @@ std::string report(const Call& call, const Model& model, const Ensemble& data, c
     if (!predicted.share.empty()) rows.back().push_back(share(predicted.typical(j)));
   }
   page.table(rows);
+  page.row("Pulse errors", "relative errors of the pulse responses that noise causes: expected, and the limit");
+  const RelativeError error = relative_error(c.markov);
+  std::vector<std::vector<std::string>> pulses{{"output"}};
+  for (Index i = 0; i < model.inputs; ++i) pulses.front().push_back(input_label(model.names, i));
+  for (Index j = 0; j < model.outputs; ++j) {
+    pulses.push_back({output_label(model.names, j)});
+    for (Index i = 0; i < model.inputs; ++i)
+      pulses.back().push_back(fmt::format("{}, {}", share(error.expected(j, i)), share(error.limit(j, i))));
+  }
+  if (model.inputs > 0) page.table(pulses);
   const Eigenvalues e = eigenvalues(c.spectrum);
   page.row("Eigenvalues",
            e.total == 0 ? "of the closed loop: no bounds"
@@ -175,6 +185,12 @@ Json json(const Call& call, const Model& model, const Confidence& c) {
   j["output_names"] = Json::array();
   for (Index i = 0; i < model.outputs; ++i) j["output_names"].push_back(model.names.output(i));
   j["markov_half_width"] = summary(markov_widths(c));
+  const RelativeError error = relative_error(c.markov);
+  for (const auto& [name, values] :
+       {std::pair{"relative_error", &error.expected}, {"relative_error_limit", &error.limit}}) {
+    j[name] = Json::array();
+    for (Index i = 0; i < values->rows(); ++i) j[name].push_back(numbers(values->row(i).transpose()));
+  }
   j["simulation_half_width"] = summary(output_widths(c.simulated, model));
   j["prediction_half_width"] = summary(output_widths(c.predicted, model));
   const Eigenvalues e = eigenvalues(c.spectrum);

@@ -53,6 +53,10 @@ def test_bounds_surround_the_estimates(tokid, tmp_path, noisy, extension, method
         assert known.any()
         assert (lower[known] < upper[known]).all()
         np.testing.assert_allclose(value[known], (lower + upper)[known] / 2, atol=1e-9)
+    half = (bounds["markov_upper"] - bounds["markov_lower"]) / 2
+    size = np.sqrt(np.nansum(bounds["markov"] ** 2, axis=(0, 1)))
+    np.testing.assert_allclose(result["relative_error_limit"], np.sqrt(np.nansum(half**2, axis=(0, 1))) / size, rtol=1e-9)
+    assert (np.array(result["relative_error"]) < result["relative_error_limit"]).all()
     model = load(noisy / "model.npz")
     # Markov parameters of the model: h_{k,k} = D_k, h_{k,k-1} = C_k B_{k-1}; none from before the first step.
     np.testing.assert_array_equal(np.isnan(bounds["markov"][0]).all(axis=(1, 2)), np.arange(6) > 0)
