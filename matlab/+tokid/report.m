@@ -3,14 +3,14 @@ function report(page, model, varargin)
 %
 %   tokid.report('page.html', model, u, y)
 %   tokid.report('page.html', model, data, 'horizon', 10)
-%   tokid.report('page.html', 'model.npz', 'fresh.npz')
+%   tokid.report('page.html', 'model.npz', 'fresh.npz', 'compare', {'first.npz', 'second.npz'})
 %
 % The page is one file that loads nothing; docs/tutorial.md shows what is on it. What can be said of data: see
 % tokid.ensemble. Options:
 %   'horizon'             steps ahead of the multi-step fit (default 10)
 %   'experiments'         experiments in the plots, at most (default 24)
 %   'bands'               file of the experiments of the identification, for 95 % bands of the responses
-%   'compare'             file of another model, to compare on the page
+%   'compare'             another model, or a cell of several, to compare on the page: structs or names of files
 %   'inputs', 'outputs'   columns of a .csv
 %
 % Warnings have the identifier tokid:report; errors as in tokid.identify, and tokid:model.
@@ -18,12 +18,26 @@ function report(page, model, varargin)
 % SPDX-License-Identifier: BSD-3-Clause
 
 tokid.internal.need(nargin, 'page', 'model');
-known = {'horizon', 'value'; 'experiments', 'value'; 'bands', 'file'; 'compare', 'file'; 'inputs', 'list'; ...
+known = {'horizon', 'value'; 'experiments', 'value'; 'bands', 'file'; 'compare', 'own'; 'inputs', 'list'; ...
          'outputs', 'list'};
 [folder, clean] = tokid.internal.folder(); %#ok<ASGLU>
 [file, of_model] = tokid.internal.take_model(folder, model);
 [data, pairs, files] = tokid.internal.take_data(folder, true, varargin, model, {});
-words = tokid.internal.options('report', known, pairs, tokid.internal.data_fields());
+[words, own] = tokid.internal.options('report', known, pairs, tokid.internal.data_fields());
+others = {};
+if isfield(own, 'compare')
+  others = own.compare;
+end
+if isa(others, 'string')
+  others = cellstr(others);
+elseif ~iscell(others)
+  others = {others};
+end
+for i = 1:numel(others)
+  [other, of_other] = tokid.internal.take_model(folder, others{i}, sprintf('other_%d', i));
+  words = [words, {'--compare', other}]; %#ok<AGROW>
+  files = [files; of_other]; %#ok<AGROW>
+end
 tokid.internal.call([{'report', file, data, '-o', tokid.internal.file_name(page)}, words], folder, ...
                     [of_model; files]);
 end

@@ -25,6 +25,25 @@ throws('tokid:option', 'option ''weight'' found', @() tokid.lqr(model, 'weight',
 throws('tokid:option', '3 numbers found', @() tokid.lqr(model, 'output_weight', [1 2 3]));
 end
 
+function case_closed_loop_of_the_tool()
+[model, ~] = identified();
+wanted = tokid.example_data('oscillator', 'experiments', 1, 'steps', 20, 'seed', 3);
+reference = reshape(wanted.y, 20, 2);
+tokid.write('model.npz', model);
+tokid.write('wanted.npz', wanted);
+expected = by_tool('lqr', 'model.npz', '--output-weight', '30', '--reference', 'wanted.npz', 'controller.mat');
+[controller, evidence, loop] = tokid.lqr(model, 'output_weight', 30, 'reference', reference, 'experiments', 7, ...
+                                         'u_max', [0.3 0.4], 'no_noise', true);
+near(controller.feedforward, expected.feedforward, 1e-12);
+assert(isequal(size(loop.u), [7 20 2]) && max(max(loop.u(:, :, 1))) <= 0.3 && max(max(loop.u(:, :, 2))) <= 0.4);
+assert(numel(evidence.simulation.cost) == 7 && isempty(evidence.simulation.truth));
+[~, evidence, other] = tokid.lqr(model, 'output_weight', 30, 'reference', reference, 'truth', 'model.npz', ...
+                                 'experiments', 7, 'u_max', [0.3 0.4], 'no_noise', true);
+assert(isequal(other.y, loop.y) && strcmp(evidence.simulation.truth, 'model.npz'));
+throws('tokid:input', 'the reference: 19 steps found', @() tokid.lqr(model, 'reference', reference(1:19, :)));
+throws('tokid:option', 'simulate', @() tokid.lqr(model, 'experiments', 7));
+end
+
 function case_source_of_the_tool()
 [model, ~] = identified();
 controller = tokid.lqr(model, 'input_weight', 0.5);

@@ -134,6 +134,12 @@ assert(~isempty(strfind(fileread('fresh.html'), '<html'))); %#ok<STREMP>
 tokid.write('other.npz', whole);
 tokid.report('fresh.html', model, later, 'compare', 'other.npz');
 assert(~isempty(strfind(fileread('fresh.html'), 'other.npz'))); %#ok<STREMP>
+tokid.report('fresh.html', model, later, 'compare', {'other.npz', whole, model});
+page = fileread('fresh.html');
+assert(all(cellfun(@(name) ~isempty(strfind(page, name)), {'other.npz', 'other_2.mat', 'other_3.mat'}))); %#ok<STREMP>
+tokid.report('fresh.html', model, later, 'compare', whole);
+assert(~isempty(strfind(fileread('fresh.html'), 'other_1.mat'))); %#ok<STREMP>
+throws('tokid:input', 'absent.npz', @() tokid.report('fresh.html', model, later, 'compare', {'other.npz', 'absent.npz'}));
 throws('tokid:input', 'extension', @() tokid.report('fresh.txt', model, later));
 end
 
