@@ -8,6 +8,7 @@
 #include "base/nan.hpp"
 #include "base/statistics.hpp"
 #include "model/comparison.hpp"
+#include "model/continuation.hpp"
 #include "model/error_sums.hpp"
 #include "model/step_by_step.hpp"
 
@@ -73,7 +74,7 @@ ExperimentFits experiment_fits(const Model& model, const Ensemble& data, const V
   Matrix y, error;
   const auto take = [&](Index k) {
     y = data.output(k);
-    if (k < model.y_nominal.rows()) y.rowwise() -= model.y_nominal.row(k);
+    subtract_nominal(model.y_nominal, k, y);
   };
   predict_each(model, data, options.initial_state, [&](Index k, const Matrix& innovation) {
     if (k < options.first_step) return;

@@ -594,8 +594,7 @@ class Collector {
       const auto part = [&](const Matrix& values, bool valid) {
         return curve(grid, [&](Index step) {
           const Index k = step - found.begin;
-          const bool leads = !(found.poles(k, i).imag() < 0);
-          return leads && found.valid(k, i) == valid ? values(k, i) : nan;
+          return found.leads(k, i) && found.valid(k, i) == valid ? values(k, i) : nan;
         });
       };
       if ((found.poles.col(i).imag().array() < 0).all()) continue;  // the second one of a pair
