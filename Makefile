@@ -37,7 +37,7 @@ configure = cmake --log-level=WARNING $(if $(TOKID_WARNINGS_AS_ERRORS),-DTOKID_W
 # Debian's own, which has the packages above; another one may come first on the path.
 python := $(firstword $(wildcard /usr/bin/python3) python3)
 
-.PHONY: help build demo test wheel wheels wheel-test package release-test portability bench studies zoo sbom install-test asan tsan valgrind coverage fuzz tidy format clean
+.PHONY: help build demo test wheel wheels wheel-test package release release-test portability bench studies zoo sbom install-test asan tsan valgrind coverage fuzz tidy format clean
 
 help:
 	@echo 'make demo          the tool, then the main job on the example of the paper (files in build/demo)'
@@ -46,6 +46,7 @@ help:
 	@echo 'make wheels        those of all Pythons from 3.9 on, for x86_64 and aarch64; for half an hour'
 	@echo 'make wheel-test    installs them on Debian 11 and 13, for arm64 in QEMU; as root, for some minutes'
 	@echo 'make package       packages for Debian, an archive, their sums, release notes (build/package)'
+	@echo 'make release       all files of a release, of the last commit: package, wheels, sbom, docs (build/release-VERSION)'
 	@echo 'make release-test  installs these on a Debian that debootstrap makes; as root, for some minutes'
 	@echo 'make portability   builds and tests the last commit on other systems (docs/portability.md); as root, for hours'
 	@echo 'make bench         measures time and memory for twenty minutes, writes the tables of docs/performance.md'
@@ -95,6 +96,15 @@ wheel-test: build
 package: build
 	$(call install,$(package_packages))
 	@$(python) release/make_packages.py . build build/package
+
+# WHEELS: wheel for that of this machine's Python alone
+WHEELS ?= wheels
+
+release:
+	$(call install,git python3)
+	@$(python) release/make_release.py begin . build
+	@set -e; for target in package $(WHEELS) sbom docs; do $(MAKE) --no-print-directory $$target; done
+	@$(python) release/make_release.py finish . build
 
 release-test: package
 	$(call install,$(release_packages))

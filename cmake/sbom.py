@@ -84,8 +84,12 @@ def python_packages(source):
     return list(components.values())
 
 
+def version_of(source):
+    return re.search(r"project\(tokid VERSION ([0-9.]+)", (source / "CMakeLists.txt").read_text()).group(1)
+
+
 def write(source, components, target):
-    version = re.search(r"project\(tokid VERSION ([0-9.]+)", (source / "CMakeLists.txt").read_text()).group(1)
+    version = version_of(source)
     own = {"type": "application", "bom-ref": f"pkg:generic/tokid@{version}", "name": "tokid", "version": version,
            "licenses": [{"license": {"id": "BSD-3-Clause"}}]}
     needed = [component["bom-ref"] for component in components if component["scope"] == "required"]

@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The version stands in CMakeLists.txt; what repeats it says the same. Other systems get the tree of a commit."""
 
+import hashlib
 import io
+import os
 import re
+import subprocess
 import sys
 import tarfile
 import tomllib
@@ -12,8 +15,9 @@ from conftest import ROOT
 
 sys.path.insert(0, str(ROOT / "release"))
 sys.path.insert(0, str(ROOT / "python" / "wheels"))
+import make_release
 import portability
-from make_packages import changes
+from make_packages import changes, sums
 from make_wheels import PYTHONS
 
 
@@ -66,6 +70,126 @@ def test_release_notes():
     assert changes(text, "1.1.0") == "- b [c]"
     assert changes(text, "1.0.0") == "- a"
     assert changes(text, "1.2.0") == "- new"
+
+
+class Parts:
+    """A repository of a few files, and made-up parts of a release of it in a build directory."""
+
+    def __init__(self, directory):
+        self.source, self.build = directory / "source", directory / "build"
+        self.source.mkdir()
+        self.git("init", "--quiet")
+        (self.source / "CMakeLists.txt").write_text("project(tokid VERSION 1.2.3 LANGUAGES CXX)\n")
+        (self.source / "CHANGELOG.md").write_text("## [Unreleased]\n\n## [1.2.3] - 2026-02-01\n\n- made\n")
+        self.commit()
+
+    def git(self, *words):
+        return subprocess.run(["git", "-C", self.source, "-c", "user.name=n", "-c", "user.email=e@tokid.invalid", *words],
+                              check=True, capture_output=True, text=True).stdout
+
+    def commit(self):
+        self.git("add", ".")
+        self.git("commit", "--quiet", "--message", "Change something", "--allow-empty")
+        return self.git("rev-parse", "HEAD").strip()
+
+    def make(self, version="1.2.3"):
+        """What `make package wheels sbom docs` would make."""
+        packages, html = self.build / "package", self.build / "docs" / "html"
+        control = self.build / "deb" / "DEBIAN" / "control"
+        for folder in (packages, html / "deep", self.build / "wheel", control.parent):
+            folder.mkdir(parents=True, exist_ok=True)
+        control.write_text(f"Package: tokid\nVersion: {version}\nArchitecture: amd64\nMaintainer: n <e@tokid.invalid>\n"
+                           "Depends: libone (>= 1), libtwo\nDescription: made up\n")
+        subprocess.run(["dpkg-deb", "--build", "--root-owner-group", control.parents[1],
+                        packages / f"tokid_{version}-1_amd64.deb"],
+                       check=True, capture_output=True, env=os.environ | {"SOURCE_DATE_EPOCH": "1"})
+        (packages / f"tokid-{version}-linux-x86_64.tar.gz").write_bytes(b"archive")
+        (packages / "SHA256SUMS").write_text(sums(packages.iterdir()))
+        (packages / "RELEASE_NOTES.md").write_text("of the packages alone")
+        (html / "index.html").write_text("first page")
+        (html / "deep" / "page.html").write_text("page")
+        (self.build / "tokid.cdx.json").write_text("{}")
+        (self.build / "wheel" / f"tokid-{version}-cp312-abi3-manylinux_2_28_x86_64.whl").write_bytes(b"wheel")
+
+    def finish(self):
+        return make_release.finish(self.source, self.build)
+
+
+@pytest.fixture
+def parts(tmp_path):
+    parts = Parts(tmp_path)
+    make_release.begin(parts.source, parts.build)
+    parts.make()
+    return parts
+
+
+def test_release_has_every_part(parts):
+    folder = parts.finish()
+    assert folder == parts.build / "release-1.2.3"
+    notes, listed = ((folder / name).read_text() for name in ("RELEASE_NOTES.md", "SHA256SUMS"))
+    names = {"tokid_1.2.3-1_amd64.deb", "tokid-1.2.3-linux-x86_64.tar.gz", "tokid-1.2.3-source.tar.gz", "tokid-1.2.3.cdx.json",
+             "tokid-1.2.3-site.tar.gz", "tokid-1.2.3-cp312-abi3-manylinux_2_28_x86_64.whl"}
+    assert {file.name for file in folder.iterdir()} == names | {"RELEASE_NOTES.md", "SHA256SUMS"}
+    digests = {name: hashlib.sha256((folder / name).read_bytes()).hexdigest() for name in names | {"RELEASE_NOTES.md"}}
+    assert listed == "".join(f"{digests[name]}  {name}\n" for name in sorted(digests))
+    assert notes.startswith("# tokid 1.2.3\n\n- made\n") and "libone, libtwo" in notes
+    assert parts.git("rev-parse", "HEAD").strip() in notes
+    for name in names:
+        assert f"{digests[name]}  {name}\n" in notes and notes.count(name) > 1
+    for name, files in (("source", {"CMakeLists.txt", "CHANGELOG.md"}), ("site", {"index.html", "deep/page.html"})):
+        with tarfile.open(folder / f"tokid-1.2.3-{name}.tar.gz") as archive:
+            prefix = "tokid-1.2.3-site" if name == "site" else "tokid-1.2.3"
+            assert {entry.name for entry in archive if entry.isfile()} == {f"{prefix}/{file}" for file in files}
+
+
+def test_release_of_the_same_parts_has_the_same_bytes(parts):
+    first = (parts.finish() / "SHA256SUMS").read_text()
+    make_release.begin(parts.source, parts.build)
+    assert not (parts.build / "release-1.2.3").exists()
+    parts.make()
+    assert (parts.finish() / "SHA256SUMS").read_text() == first
+
+
+@pytest.mark.parametrize("part,target", [
+    ("package/SHA256SUMS", "make package"),
+    ("tokid.cdx.json", "make sbom"),
+    ("docs/html/index.html", "make docs"),
+    ("wheel/tokid-1.2.3-cp312-abi3-manylinux_2_28_x86_64.whl", "make wheels"),
+])
+def test_release_without_a_part(parts, part, target):
+    (parts.build / part).unlink()
+    with pytest.raises(SystemExit, match=target):
+        parts.finish()
+    assert not (parts.build / "release-1.2.3").exists()
+
+
+def test_release_forgets_earlier_parts(parts):
+    """Else those of another commit would be taken where a target made nothing."""
+    parts.finish()
+    make_release.begin(parts.source, parts.build)
+    with pytest.raises(SystemExit, match="is missing"):
+        parts.finish()
+    assert not [file for file in parts.build.rglob("*") if file.suffix in (".whl", ".html", ".json")]
+
+
+@pytest.mark.parametrize("name", ["CHANGELOG.md", "new.cpp"])
+def test_release_of_changes_that_are_not_committed(parts, name):
+    (parts.source / name).write_text("changed")
+    for step in (make_release.begin, make_release.finish):
+        with pytest.raises(SystemExit, match=name):
+            step(parts.source, parts.build)
+
+
+def test_release_of_parts_of_another_commit(parts):
+    commit = parts.commit()
+    with pytest.raises(SystemExit, match=f"not those of commit {commit[:10]}"):
+        parts.finish()
+
+
+def test_release_of_damaged_packages(parts):
+    (parts.build / "package" / "tokid-1.2.3-linux-x86_64.tar.gz").write_bytes(b"cut")
+    with pytest.raises(SystemExit, match="x86_64.tar.gz: FAILED"):
+        parts.finish()
 
 
 def test_other_systems_are_those_of_the_document():
