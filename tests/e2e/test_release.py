@@ -3,6 +3,7 @@
 
 import hashlib
 import io
+import json
 import os
 import re
 import subprocess
@@ -49,6 +50,44 @@ def test_version_to_cite(version):
 ])
 def test_version_to_ask_for(version, name, pattern):
     assert re.findall(pattern, text_of(name)) == [version.rpartition(".")[0]]
+
+
+def test_version_of_the_recipes(version):
+    assert json.loads(text_of("release/vcpkg/tokid/vcpkg.json"))["version"] == version
+    assert re.findall(r'^context:\n  version: "(.*)"$', text_of("release/conda/recipe.yaml"), re.MULTILINE) == [version]
+
+
+def test_requirements_of_the_conda_recipe():
+    """Those of the Python package, and what the top of CMakeLists.txt asks for."""
+    recipe, project = text_of("release/conda/recipe.yaml"), tomllib.loads(text_of("pyproject.toml"))
+    needed = [*project["build-system"]["requires"], *project["project"]["dependencies"]]
+    for name, oldest in (re.fullmatch(r"([\w-]+)>=(\S+)", text).groups() for text in needed):
+        assert f"    - {name} >={oldest}\n" in recipe
+    cmake = text_of("CMakeLists.txt")
+    for package, name in (("cmake_minimum_required(VERSION ", "cmake"), ("find_package(Eigen3 ", "eigen"),
+                          ("find_package(Boost ", "libboost-headers")):
+        oldest = re.search(re.escape(package) + r"([0-9.]+)", cmake)[1]
+        assert re.search(rf"^    - {name} >={re.escape(oldest)}(,|$)", recipe, re.MULTILINE), name
+
+
+def test_port_for_vcpkg(tokid, tmp_path):
+    """The port configures with options that exist, and what it installs stands where vcpkg wants it."""
+    library, packages = tmp_path / "libtokid.a", tmp_path / "packages"
+    library.touch()
+    done = subprocess.run(["cmake", "-DPORT=tokid", f"-DPORTFILE={ROOT / 'release/vcpkg/tokid/portfile.cmake'}",
+                           "-DFEATURES=tool", f"-DROOT={tmp_path}", f"-DLIBRARY={library}", f"-DTOOL={tokid.executable}",
+                           "-P", ROOT / "tests/e2e/vcpkg.cmake"], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    files = {str(file.relative_to(packages)) for file in packages.rglob("*") if file.is_file()}
+    assert {"lib/libtokid.a", "debug/lib/libtokid.a", "include/tokid/tokid.hpp", "tools/tokid/tokid",
+            "share/tokid/tokidConfig.cmake", "share/tokid/copyright"} < files
+    assert {name.split("/")[0] for name in files} == {"lib", "debug", "include", "tools", "share"}
+    assert [name for name in files if name.startswith("debug")] == ["debug/lib/libtokid.a"]
+    assert text_of("LICENSE") + text_of("NOTICE") == (packages / "share/tokid/copyright").read_text()
+    for name in (name for name in files if name.endswith(".cmake")):
+        text = (packages / name).read_text()
+        assert str(tmp_path) not in text and str(ROOT) not in text, name
+        assert set(re.findall(r'"\$\{_IMPORT_PREFIX\}/([^"]+\.a)"', text)) <= files
 
 
 def test_version_in_the_changelog(version):

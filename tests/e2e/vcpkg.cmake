@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: BSD-3-Clause
+# Runs a port as vcpkg does, with small stand-ins of its functions:
+#   cmake -DPORT=name -DPORTFILE=file -DFEATURES=list -DROOT=folder -P vcpkg.cmake
+# They configure and install static libraries for both build types, into ROOT/packages. Nothing is compiled: LIBRARY and
+# TOOL are files that stand for what a build would make.
+cmake_minimum_required(VERSION 3.25)
+set(CURRENT_PACKAGES_DIR ${ROOT}/packages)
+set(CURRENT_BUILDTREES_DIR ${ROOT}/trees)
+get_filename_component(CURRENT_PORT_DIR ${PORTFILE} DIRECTORY)
+
+# Stops where a list has members.
+function(none text)
+  if(ARGN)
+    message(FATAL_ERROR "${text}: ${ARGN}")
+  endif()
+endfunction()
+
+# FEATURE VARIABLE ... becomes -DVARIABLE=ON or OFF
+function(vcpkg_check_features)
+  cmake_parse_arguments(PARSE_ARGV 0 arg "" OUT_FEATURE_OPTIONS FEATURES)
+  none("unknown arguments of vcpkg_check_features" ${arg_UNPARSED_ARGUMENTS})
+  set(options)
+  while(arg_FEATURES)
+    list(POP_FRONT arg_FEATURES feature variable)
+    if(feature IN_LIST FEATURES)
+      list(APPEND options -D${variable}=ON)
+    else()
+      list(APPEND options -D${variable}=OFF)
+    endif()
+  endwhile()
+  set(${arg_OUT_FEATURE_OPTIONS} ${options} PARENT_SCOPE)
+endfunction()
+
+function(vcpkg_cmake_configure)
+  cmake_parse_arguments(PARSE_ARGV 0 arg "" SOURCE_PATH OPTIONS)
+  none("unknown arguments of vcpkg_cmake_configure" ${arg_UNPARSED_ARGUMENTS})
+  foreach(type Debug Release)
+    set(prefix ${CURRENT_PACKAGES_DIR})
+    if(type STREQUAL Debug)
+      string(APPEND prefix /debug)
+    endif()
+    execute_process(
+      COMMAND ${CMAKE_COMMAND} -G Ninja -S ${arg_SOURCE_PATH} -B ${CURRENT_BUILDTREES_DIR}/${type} -DBUILD_SHARED_LIBS=OFF
+              -DCMAKE_BUILD_TYPE=${type} -DCMAKE_INSTALL_PREFIX=${prefix} ${arg_OPTIONS}
+      OUTPUT_QUIET ERROR_VARIABLE said COMMAND_ERROR_IS_FATAL ANY)
+    if(said MATCHES "not used by the project")  # an option that does not exist
+      message(FATAL_ERROR "${said}")
+    endif()
+  endforeach()
+endfunction()
+
+function(vcpkg_cmake_install)
+  none("unknown arguments of vcpkg_cmake_install" ${ARGN})
+  foreach(type Debug Release)
+    set(tree ${CURRENT_BUILDTREES_DIR}/${type})
+    file(COPY_FILE ${LIBRARY} ${tree}/lib/libtokid.a)
+    file(COPY_FILE ${TOOL} ${tree}/bin/tokid)
+    execute_process(COMMAND ${CMAKE_COMMAND} --install ${tree} OUTPUT_QUIET COMMAND_ERROR_IS_FATAL ANY)
+  endforeach()
+endfunction()
+
+# Both configurations in one folder, from which the prefix is two folders up.
+function(vcpkg_cmake_config_fixup)
+  cmake_parse_arguments(PARSE_ARGV 0 arg "" "PACKAGE_NAME;CONFIG_PATH" "")
+  none("unknown arguments of vcpkg_cmake_config_fixup" ${arg_UNPARSED_ARGUMENTS})
+  set(to ${CURRENT_PACKAGES_DIR}/share/${PORT})
+  foreach(prefix ${CURRENT_PACKAGES_DIR} ${CURRENT_PACKAGES_DIR}/debug)
+    if(NOT EXISTS ${prefix}/${arg_CONFIG_PATH})
+      message(FATAL_ERROR "${prefix}/${arg_CONFIG_PATH} does not exist")
+    endif()
+  endforeach()
+  file(GLOB debug ${CURRENT_PACKAGES_DIR}/debug/${arg_CONFIG_PATH}/*-debug.cmake)
+  foreach(file ${debug})
+    file(READ ${file} text)
+    string(REPLACE "\${_IMPORT_PREFIX}/lib" "\${_IMPORT_PREFIX}/debug/lib" text "${text}")
+    get_filename_component(name ${file} NAME)
+    file(WRITE ${to}/${name} "${text}")
+  endforeach()
+  file(GLOB release ${CURRENT_PACKAGES_DIR}/${arg_CONFIG_PATH}/*)
+  file(COPY ${release} DESTINATION ${to})
+  file(REMOVE_RECURSE ${CURRENT_PACKAGES_DIR}/lib/cmake ${CURRENT_PACKAGES_DIR}/debug/lib/cmake)
+  file(GLOB files ${to}/*.cmake)
+  foreach(file ${files})
+    file(READ ${file} text)
+    string(REGEX REPLACE "(get_filename_component\\(_IMPORT_PREFIX \"\\\${_IMPORT_PREFIX}\" PATH\\)\n)+"
+           "get_filename_component(_IMPORT_PREFIX \"\${_IMPORT_PREFIX}\" PATH)\nget_filename_component(_IMPORT_PREFIX \"\${_IMPORT_PREFIX}\" PATH)\n"
+           text "${text}")
+    string(REGEX REPLACE "{CMAKE_CURRENT_LIST_DIR}/\\.\\./[./]*\"" "{CMAKE_CURRENT_LIST_DIR}/../../\"" text "${text}")
+    file(WRITE ${file} "${text}")
+  endforeach()
+endfunction()
+
+function(vcpkg_copy_tools)
+  cmake_parse_arguments(PARSE_ARGV 0 arg AUTO_CLEAN "" TOOL_NAMES)
+  none("unknown arguments of vcpkg_copy_tools" ${arg_UNPARSED_ARGUMENTS})
+  foreach(name ${arg_TOOL_NAMES})
+    file(COPY ${CURRENT_PACKAGES_DIR}/bin/${name} DESTINATION ${CURRENT_PACKAGES_DIR}/tools/${PORT})
+    file(REMOVE ${CURRENT_PACKAGES_DIR}/bin/${name} ${CURRENT_PACKAGES_DIR}/debug/bin/${name})
+  endforeach()
+  foreach(folder ${CURRENT_PACKAGES_DIR}/bin ${CURRENT_PACKAGES_DIR}/debug/bin)
+    file(GLOB left ${folder}/*)
+    none("programs that are left in bin" ${left})
+    file(REMOVE_RECURSE ${folder})
+  endforeach()
+endfunction()
+
+function(vcpkg_install_copyright)
+  cmake_parse_arguments(PARSE_ARGV 0 arg "" "" FILE_LIST)
+  foreach(file ${arg_FILE_LIST})
+    file(READ ${file} text)
+    file(APPEND ${CURRENT_PACKAGES_DIR}/share/${PORT}/copyright "${text}")
+  endforeach()
+endfunction()
+
+include(${PORTFILE})
