@@ -1,6 +1,6 @@
 # cpack: one .tar.gz that runs wherever it is unpacked, and two packages for Debian, tokid and libtokid-dev.
 set(CPACK_PACKAGE_VENDOR "the tokid authors")
-set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "identification of linear time varying systems")
+set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "identification of linear time-varying systems")
 set(CPACK_PACKAGE_FILE_NAME ${PROJECT_NAME}-${PROJECT_VERSION}-linux-${CMAKE_SYSTEM_PROCESSOR})
 set(CPACK_VERBATIM_VARIABLES ON)
 set(CPACK_STRIP_FILES ON)
@@ -31,9 +31,9 @@ file(WRITE ${PROJECT_BINARY_DIR}/debian/triggers "activate-noawait ldconfig\n")
 set(CPACK_DEBIAN_RUNTIME_PACKAGE_CONTROL_EXTRA ${PROJECT_BINARY_DIR}/debian/triggers)
 set(CPACK_DEBIAN_RUNTIME_PACKAGE_SUGGESTS octave)
 set(CPACK_COMPONENT_RUNTIME_DESCRIPTION
-"From an ensemble of repeated experiments on a linear time varying system,
+"From an ensemble of repeated experiments on a linear time-varying system,
 tokid identifies the state-space matrices of every step together with the
-gains of an observer, by the time varying observer/Kalman filter
+gains of an observer, by the time-varying observer/Kalman filter
 identification (TOKID) of Majji, Juang and Junkins. It validates models,
 simulates and predicts with them, and plans experiments.
 .

@@ -57,6 +57,13 @@ def test_version_of_the_recipes(version):
     assert re.findall(r'^context:\n  version: "(.*)"$', text_of("release/conda/recipe.yaml"), re.MULTILINE) == [version]
 
 
+def test_one_description():
+    description = tomllib.loads(text_of("pyproject.toml"))["project"]["description"]
+    assert f'        DESCRIPTION "{description}")' in text_of("CMakeLists.txt")
+    assert json.loads(text_of("release/vcpkg/tokid/vcpkg.json"))["description"] == description
+    assert f"  summary: {description}\n" in text_of("release/conda/recipe.yaml")
+
+
 def test_requirements_of_the_conda_recipe():
     """Those of the Python package, and what the top of CMakeLists.txt asks for."""
     recipe, project = text_of("release/conda/recipe.yaml"), tomllib.loads(text_of("pyproject.toml"))
@@ -264,3 +271,6 @@ def test_wheels_for_every_python_that_is_promised():
     assert sorted(tags) == sorted(["cp312-abi3", *(f"cp3{minor}-cp3{minor}" for minor in range(oldest, 12))])
     for tag in tags:
         assert f"`{tag}`" in text_of("docs/python.md")
+    classifiers = tomllib.loads(text_of("pyproject.toml"))["project"]["classifiers"]
+    named = re.findall(r"Programming Language :: Python :: 3\.(\d+)", "\n".join(classifiers))
+    assert named == [str(minor) for minor in range(oldest, max(int(python.version[2:]) for python in PYTHONS) + 1)]
