@@ -53,7 +53,8 @@ def sentences(text):
 
 
 def pages():
-    return sorted((ROOT / "docs").rglob("*.md"))
+    others = ("CONTRIBUTING.md", "README.md", "SECURITY.md", "fuzz/README.md", "tests/studies/README.md")
+    return [*(ROOT / name for name in others), *sorted((ROOT / "docs").rglob("*.md"))]
 
 
 def statistics(page):
