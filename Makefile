@@ -2,7 +2,7 @@
 
 build_packages := g++ cmake ninja-build libeigen3-dev libboost-dev libhdf5-dev libmatio-dev libzip-dev zlib1g-dev \
                   libcsv-dev libcli11-dev libfmt-dev libhwy-dev libxxhash-dev nlohmann-json3-dev
-test_packages  := $(build_packages) libgtest-dev libopenmpi-dev openmpi-bin \
+test_packages  := $(build_packages) git libgtest-dev libopenmpi-dev openmpi-bin \
                   python3 python3-numpy python3-scipy python3-h5py python3-pytest \
                   python3-dev python3-venv chromium fonts-dejavu-core octave octave-control \
                   clang gcc-arm-none-eabi libnewlib-arm-none-eabi qemu-system-arm
