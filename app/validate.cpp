@@ -67,17 +67,31 @@ void add_cross_validation(const Call& call, const Model& model, const CrossValid
 
 constexpr Index listed_experiments = 5;
 
-// The experiments with the largest excess, and the output where they have it.
-void add_experiments(const Model& model, const Ensemble& data, const ExperimentFits& fits, Page& page) {
-  if (fits.worst_first.size() < 2) return;
+// The fits of the experiments without copies and dependent experiments, as pages have them.
+struct DistinctFits {
+  ExperimentFits fits;
+  std::vector<Index> rows;  // of the data
+};
+DistinctFits distinct_fits(const Call& call, const Model& model, const Ensemble& data) {
+  const UsedExperiments used = used_experiments(data);
+  return {used.all(data) ? experiment_fits(model, data, call.options)
+                         : experiment_fits(model, data.subset(used.rows()), call.options),
+          used.rows()};
+}
+
+// The worst experiments, with the output whose one-step error is largest beside those of the other experiments.
+void add_experiments(const Model& model, const Ensemble& data, const DistinctFits& found, Page& page) {
+  const ExperimentFits& fits = found.fits;
+  if (fits.experiments() < 2) return;
   std::vector<std::vector<std::string>> rows{
-      {"worst experiments", "output", "simulation", "one step", "error / median"}};
+      {"worst experiments", "output", "simulation", "one step", "error / limit"}};
   for (const Index n : fits.worst_first) {
     Index j = 0;
-    const Vector excess = fits.excess.row(n).array().isNaN().select(-1.0, fits.excess.row(n));
-    if (!(excess.maxCoeff(&j) >= 0) || Index(rows.size()) > listed_experiments) break;
-    rows.push_back({data.experiment_label(n), output_label(model.names, j), percent(fits.simulation_fit(n, j)),
-                    percent(fits.one_step_fit(n, j)), fmt::format("{:.2f}", excess(j))});
+    const Vector over = fits.over_median.row(n).array().isNaN().select(-1.0, fits.over_median.row(n));
+    if (!(over.maxCoeff(&j) >= 0) || Index(rows.size()) > listed_experiments) break;
+    rows.push_back({data.experiment_label(found.rows[size_t(n)]), output_label(model.names, j),
+                    percent(fits.simulation_fit(n, j)), percent(fits.one_step_fit(n, j)),
+                    fmt::format("{:.2f}{}", fits.excess(n), fits.outlying(n) ? ", outlying" : "")});
   }
   if (rows.size() > 1) page.table(rows);
 }
@@ -96,7 +110,7 @@ std::string report(const Call& call, const Model& model, const Ensemble& data, c
   add_table(call, model, v, &Fit::fit, percent, page);
   page.row("RMS error", "");
   add_table(call, model, v, &Fit::rmse, number, page);
-  if (v.noisy) add_experiments(model, data, experiment_fits(model, data, call.options), page);
+  if (v.noisy) add_experiments(model, data, distinct_fits(call, model, data), page);
   const Conclusions found = conclusions(v, model.names);
   page.row("Innovations", in_words(found.nis));
   page.row("Whiteness", in_words(found.whiteness));
@@ -140,16 +154,31 @@ Json json(const CrossValidation& cross) {
   return j;
 }
 
-Json json(const Ensemble& data, const ExperimentFits& fits) {
+Json counts(const ExperimentFits::Counts& samples, Index n) {
   Json list = Json::array();
-  for (const Index n : fits.worst_first)
-    list.push_back({{"experiment", n},
-                    {"name", data.experiment_names.empty() ? Json() : Json(data.experiment_label(n))},
+  for (const Index count : samples.row(n)) list.push_back(count);
+  return list;
+}
+
+Json json(const Ensemble& data, const DistinctFits& found) {
+  const ExperimentFits& fits = found.fits;
+  Json list = Json::array();
+  for (const Index n : fits.worst_first) {
+    const Index row = found.rows[size_t(n)];
+    list.push_back({{"experiment", row},
+                    {"name", data.experiment_names.empty() ? Json() : Json(data.experiment_label(row))},
                     {"simulation_fit", numbers(fits.simulation_fit.row(n))},
                     {"one_step_fit", numbers(fits.one_step_fit.row(n))},
                     {"simulation_rmse", numbers(fits.simulation_rmse.row(n))},
                     {"one_step_rmse", numbers(fits.one_step_rmse.row(n))},
-                    {"excess", numbers(fits.excess.row(n))}});
+                    {"simulation_samples", counts(fits.simulation_samples, n)},
+                    {"one_step_samples", counts(fits.one_step_samples, n)},
+                    {"over_median", numbers(fits.over_median.row(n))},
+                    {"simulation_error", fits.simulation_error(n)},
+                    {"one_step_error", fits.one_step_error(n)},
+                    {"excess", fits.excess(n)},
+                    {"outlying", fits.outlying(n)}});
+  }
   return list;
 }
 
@@ -173,7 +202,9 @@ Json json(const Call& call, const Model& model, const Ensemble& data, const Vali
       {"simulation", v.simulation.samples}, {"one_step", v.one_step.samples}, {"horizon", v.horizon.samples}};
   j["first_predicted"] = v.first_predicted;
   j["first_simulated"] = v.first_simulated;
-  j["worst_experiments_first"] = json(data, experiment_fits(model, data, call.options));
+  const DistinctFits fits = distinct_fits(call, model, data);
+  j["experiment_limits"] = {{"simulation", fits.fits.simulation_limit}, {"one_step", fits.fits.one_step_limit}};
+  j["worst_experiments_first"] = json(data, fits);
   j["nis"] = v.squares.ratio;
   j["nis_p"] = v.squares.p;
   j["nis_presumes_normal"] = std::isnan(v.squares.p) ? Json() : Json(v.squares.normal);

@@ -4,7 +4,9 @@
 #include <gtest/gtest.h>
 
 #include "base/random.hpp"
+#include "model/comparison.hpp"
 #include "model/expected_errors.hpp"
+#include "model/outlying_samples.hpp"
 #include "noisy.hpp"
 #include "testing.hpp"
 #include "tokid/example.hpp"
@@ -132,8 +134,76 @@ TEST(ExperimentFits, AreTheFitsOfSingleExperiments) {
       EXPECT_EQ(found.worst_first.size(), 7u);
       if (model == &nominal) continue;  // a trajectory that does not belong to the data spoils all experiments
       EXPECT_EQ(found.worst_first.front(), 4);
-      EXPECT_EQ(found.excess(4, 0), found.excess.maxCoeff());
+      EXPECT_EQ(found.over_median(4, 0), found.over_median.maxCoeff());
     }
+}
+
+// The pooled errors against a formula of their own: all samples of an experiment, each relative to the spread of its
+// output. The fits that a comparison has are those of the function that keeps no outputs.
+TEST(ExperimentFits, PoolTheOutputsAndMarkOutlyingExperiments) {
+  const Model system = random_system({3, 2, 2}, 30, 1.0, 5);
+  Ensemble data = with_noise(random_experiments(system, 9, 6, 1.0), 0.1, 7);
+  data.initial_state = InitialState::zero;
+  for (Index k = 5; k < 12; ++k) data.y(2, k, 1) = nan;
+  for (Index k = 0; k < 30; ++k) data.y(4, k, 0) *= -1, data.y(4, k, 1) += 100;  // a large output with a large spread
+  Model nominal = system;
+  nominal.u_nominal = Matrix::Zero(30, 2);
+  nominal.y_nominal = Matrix::Constant(30, 2, 0.3);
+  for (const Model* model : {&system, static_cast<const Model*>(&nominal)})
+    for (const Index first : {0, 11}) {
+      ValidateOptions options;
+      options.first_step = first;
+      const ExperimentFits found = experiment_fits(*model, data, options);
+      const Comparison compared = compare(*model, data, options);
+      const Vector spread = output_spread(*model, data);
+      Vector excess = Vector::Zero(9);
+      for (const bool one_step : {true, false}) {
+        const Ensemble& computed = one_step ? compared.prediction.y : compared.simulated;
+        const Vector& error = one_step ? found.one_step_error : found.simulation_error;
+        const auto& samples = one_step ? found.one_step_samples : found.simulation_samples;
+        std::vector<double> errors;
+        for (Index n = 0; n < 9; ++n) {
+          double squares = 0.0;
+          Index count = 0;
+          for (Index k = first; k < 30; ++k)
+            for (Index j = 0; j < 2; ++j)
+              if (const double e = (data.y(n, k, j) - computed.y(n, k, j)) / spread(j); !std::isnan(e))
+                squares += e * e, ++count;
+          EXPECT_EQ(samples.row(n).sum(), count);
+          // 60 squares in another order, of differences whose rounding errors are those of outputs up to 100.
+          EXPECT_NEAR(error(n), std::sqrt(squares / double(count)),
+                      60 * epsilon * error(n) + 100 * epsilon / spread.minCoeff());
+          errors.push_back(error(n));
+        }
+        std::sort(errors.begin(), errors.end());
+        const double limit = one_step ? found.one_step_limit : found.simulation_limit;
+        EXPECT_EQ(limit, std::max(0.05, 10 * errors[4]));
+        excess = excess.cwiseMax(error / limit);
+      }
+      EXPECT_EQ(found.excess, excess);
+      for (Index n = 0; n < 9; ++n) EXPECT_EQ(found.outlying(n), n == 4) << n << " " << found.excess(n);
+      EXPECT_EQ(found.worst_first.front(), 4);
+      EXPECT_EQ(compared.experiments.worst_first, found.worst_first);
+      EXPECT_EQ(compared.experiments.one_step_samples, found.one_step_samples);
+      EXPECT_LE((compared.experiments.excess - found.excess).cwiseAbs().maxCoeff(),
+                60 * epsilon * found.excess.maxCoeff() + 100 * epsilon / spread.minCoeff());
+    }
+}
+
+TEST(ExperimentFits, MarkNoneOfTwoAndThoseThatOverflow) {
+  const Model system = oscillator(20);
+  ExperimentOptions options;
+  options.experiments = 6;
+  const Ensemble data = with_noise(experiments(system, options), 0.1, 1);
+  Ensemble far = data.subset({0, 1});
+  for (Index k = 0; k < 20; ++k) far.output(k).row(0) *= -1;
+  EXPECT_FALSE(experiment_fits(system, far).outlying(0));
+  Ensemble huge = data;
+  huge.u(3, 5, 0) = 1e200;  // the squares of the outputs of the model are infinite
+  const ExperimentFits found = experiment_fits(system, huge);
+  EXPECT_TRUE(std::isinf(found.simulation_error(3)) && std::isinf(found.excess(3)));
+  EXPECT_EQ(found.worst_first.front(), 3);
+  for (Index n = 0; n < 6; ++n) EXPECT_EQ(found.outlying(n), n == 3) << n;
 }
 
 // Models that begin late or go on, and experiments of other lengths.
@@ -162,8 +232,10 @@ TEST(ExperimentFits, PutExperimentsWithoutOutputsLast) {
   for (Index k = 0; k < 20; ++k) data.y(0, k, 0) = data.y(0, k, 1) = nan;
   const ExperimentFits found = experiment_fits(system, data);
   EXPECT_EQ(found.worst_first.back(), 0);
-  EXPECT_TRUE(std::isnan(found.one_step_fit(0, 0)) && std::isnan(found.excess(0, 0)));
-  EXPECT_FALSE(found.excess.bottomRows(3).array().isNaN().any());
+  EXPECT_TRUE(std::isnan(found.one_step_fit(0, 0)) && std::isnan(found.over_median(0, 0)));
+  EXPECT_TRUE(std::isnan(found.excess(0)) && !found.outlying(0));
+  EXPECT_FALSE(found.over_median.bottomRows(3).array().isNaN().any());
+  EXPECT_FALSE(found.excess.tail(3).array().isNaN().any());
 }
 
 TEST(Validate, SaysWhenNothingCanBePredicted) {

@@ -66,14 +66,28 @@ Validation validate(const Model& model, const Ensemble& data, const ValidateOpti
 // Validates without copies and dependent experiments. The findings name the experiments that are left out.
 Validation validate_distinct(const Model& model, const Ensemble& data, const ValidateOptions& options = {});
 
-// Fits of each experiment alone: (N × m). They are as in Fit, but ȳ is the mean over the steps of the experiment if the
-// model has no nominal trajectory. NaN where nothing can be compared.
+// Fits and errors of each of N experiments alone. NaN where nothing can be compared.
 struct ExperimentFits {
-  Matrix simulation_fit, one_step_fit;    // [%]
-  Matrix simulation_rmse, one_step_rmse;  // in the units of the outputs
-  // RMS error one step ahead, as a multiple of its median over the experiments. NaN if the median is zero.
-  Matrix excess;
-  std::vector<Index> worst_first;  // the rows in falling order of their largest excess; those without one come last
+  using Counts = Eigen::Matrix<Index, Eigen::Dynamic, Eigen::Dynamic>;
+
+  // (N × m) [%] as in Fit, but ȳ is the mean over the steps of the experiment if the model has no nominal trajectory
+  Matrix simulation_fit, one_step_fit;
+  Matrix simulation_rmse, one_step_rmse;        // (N × m) in the units of the outputs
+  Counts simulation_samples, one_step_samples;  // (N × m) compared samples
+  // (N × m) RMS error one step ahead, as a multiple of its median over the experiments. NaN if the median is zero.
+  Matrix over_median;
+  // (N) RMS errors over steps and outputs, each relative to the spread of its output: the RMS of the samples of all
+  // experiments and steps around ȳ of Fit
+  Vector simulation_error, one_step_error;
+  // Limits of these errors: 10 times their median over the experiments, and 0.05 at least. NaN if no error is finite.
+  double simulation_limit = std::numeric_limits<double>::quiet_NaN();
+  double one_step_limit = std::numeric_limits<double>::quiet_NaN();
+  Vector excess;                   // (N) the larger one of both errors over their limits
+  std::vector<Index> worst_first;  // the rows in falling order of `excess`; those without one come last
+
+  Index experiments() const { return excess.size(); }
+  // The errors of experiment n are much larger than the usual ones. Never true of fewer than three experiments.
+  bool outlying(Index n) const { return excess(n) > 1; }
 };
 // All experiments count, copies too. \throws as validate()
 ExperimentFits experiment_fits(const Model& model, const Ensemble& data, const ValidateOptions& options = {});

@@ -243,12 +243,30 @@ nb::any object_of(const Similarity& s) {
                                   {"band", s.band}});
 }
 
+namespace {
+
+// An array of another type than double, which holds the values exactly.
+template <class Values>
+nb::object array_as(const char* type, const Values& values) {
+  return results::cast(values).attr("astype")(type);
+}
+
+}  // namespace
+
 nb::any object_of(const ExperimentFits& f) {
   return make("ExperimentFits", {{"simulation_fit", f.simulation_fit},
                                  {"one_step_fit", f.one_step_fit},
                                  {"simulation_rmse", f.simulation_rmse},
                                  {"one_step_rmse", f.one_step_rmse},
+                                 {"simulation_samples", array_as("int64", Matrix(f.simulation_samples.cast<double>()))},
+                                 {"one_step_samples", array_as("int64", Matrix(f.one_step_samples.cast<double>()))},
+                                 {"over_median", f.over_median},
+                                 {"simulation_error", f.simulation_error},
+                                 {"one_step_error", f.one_step_error},
+                                 {"simulation_limit", f.simulation_limit},
+                                 {"one_step_limit", f.one_step_limit},
                                  {"excess", f.excess},
+                                 {"outlying", array_as("bool", Vector((f.excess.array() > 1).cast<double>()))},
                                  {"worst_first", f.worst_first}});
 }
 

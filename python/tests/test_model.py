@@ -243,7 +243,20 @@ def test_fits_of_experiments_and_steps(model, data):
     predicted, simulated = model.predict(data.u, data.y), model.simulate(data.u)
     error = np.sqrt(np.mean((data.y - predicted)[:, 5:] ** 2, axis=1))
     assert np.allclose(fits.one_step_rmse, error, rtol=1e-12, atol=1e-13)
-    assert fits.simulation_rmse.shape == fits.excess.shape == data.y[:, 0].shape
+    assert fits.simulation_rmse.shape == fits.over_median.shape == data.y[:, 0].shape
+    spread = np.sqrt(np.mean((data.y - data.y.mean(axis=(0, 1))) ** 2, axis=(0, 1)))
+    for computed, errors, limit in (
+        (predicted, fits.one_step_error, fits.one_step_limit),
+        (simulated, fits.simulation_error, fits.simulation_limit),
+    ):
+        pooled = np.sqrt(np.mean(((data.y - computed) / spread)[:, 5:] ** 2, axis=(1, 2)))
+        assert np.allclose(errors, pooled, rtol=1e-12, atol=1e-13)
+        assert limit == pytest.approx(max(0.05, 10 * np.sort(errors)[len(errors) // 2]), rel=1e-12)
+    excess = np.maximum(fits.one_step_error / fits.one_step_limit, fits.simulation_error / fits.simulation_limit)
+    assert np.array_equal(fits.excess, excess) and np.array_equal(fits.outlying, excess > 1)
+    assert fits.outlying.dtype == bool and fits.one_step_samples.dtype == np.int64
+    assert (fits.one_step_samples == data.y.shape[1] - 5).all()
+    assert np.array_equal(fits.worst_first, np.argsort(-excess, kind="stable"))
     assert sorted(fits.worst_first) == list(range(len(data.y)))
     late = model.validate(data, first_step=5)
     assert late.first_predicted == late.first_simulated == 5

@@ -44,7 +44,7 @@ def output_curves(
     predicted = model.predict(data, initial_state=initial_state)
     names, units = channel_names(model, data, "output")
     j = channel("output", output, names)
-    n, title = chosen_experiment(model, data, simulated, predicted, experiment)
+    n, title = chosen_experiment(model, data, experiment, initial_state)
     nominal = nominal_trajectory(model, "y", data.steps, data.outputs)
     return OutputCurves(
         data.y[n, :, j],
@@ -111,17 +111,14 @@ def root_mean_square(errors: Array, axes: tuple[int, ...]) -> Array:
 
 
 def chosen_experiment(
-    model: Model, data: Ensemble, simulated: Array, predicted: Array, experiment: Optional[int]
+    model: Model, data: Ensemble, experiment: Optional[int], initial_state: str
 ) -> tuple[int, str]:
     """The given experiment, else the one with the median error, and its title as on the report page."""
-    error = root_mean_square(relative_errors(model, data, simulated), (1, 2))
-    if not np.isfinite(error).any():
-        error = root_mean_square(relative_errors(model, data, predicted), (1, 2))
-    order = np.argsort(error, kind="stable")  # experiments without an error (NaN) come last
-    known = int((~np.isnan(error)).sum())
-    best, middle, worst = (order[0], order[(known - 1) // 2], order[known - 1]) if known else (-1, -1, -1)
+    fits = model.experiment_fits(data, initial_state=initial_state)
+    order, known = fits.worst_first, int((~np.isnan(fits.excess)).sum())
+    worst, middle, best = (order[0], order[known // 2], order[known - 1]) if known else (-1, -1, -1)
     if experiment is None:
-        n = int(middle) if known else 0
+        n = middle if known else 0
     else:
         n = integer("experiment", experiment, 0, data.experiments - 1)
     label = f"Experiment {data._core.experiment(n)}"

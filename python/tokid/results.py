@@ -183,17 +183,35 @@ class ExperimentFits(_Result):
         As `Fit.fit` [%], but ȳ is the mean of the experiment if the model has no nominal trajectory.
     simulation_rmse, one_step_rmse : ndarray, shape (N, m)
         Root mean square errors, in the units of the outputs.
-    excess : ndarray, shape (N, m)
+    simulation_samples, one_step_samples : ndarray of int, shape (N, m)
+        Numbers of samples that were compared.
+    over_median : ndarray, shape (N, m)
         RMS error one step ahead, as a multiple of its median over the experiments. NaN if the median is zero.
+    simulation_error, one_step_error : ndarray, shape (N,)
+        RMS errors over steps and outputs, each relative to the spread of its output over all experiments and steps.
+    simulation_limit, one_step_limit : float
+        Limits of these errors: 10 times their median over the experiments, and 0.05 at least.
+    excess : ndarray, shape (N,)
+        The larger one of both errors over their limits.
+    outlying : ndarray of bool, shape (N,)
+        Whether an error is above its limit. Never true of fewer than three experiments.
     worst_first : list of int
-        The experiments in falling order of their largest excess.
+        The experiments in falling order of their excess.
     """
 
     simulation_fit: Array
     one_step_fit: Array
     simulation_rmse: Array
     one_step_rmse: Array
+    simulation_samples: Array
+    one_step_samples: Array
+    over_median: Array
+    simulation_error: Array
+    one_step_error: Array
+    simulation_limit: float
+    one_step_limit: float
     excess: Array
+    outlying: Array
     worst_first: list[int]
 
 

@@ -2,7 +2,6 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
-#include <tuple>
 #include <utility>
 
 #include "base/nan.hpp"
@@ -10,39 +9,43 @@
 #include "model/comparison.hpp"
 #include "model/continuation.hpp"
 #include "model/error_sums.hpp"
+#include "model/outlying_samples.hpp"
 #include "model/step_by_step.hpp"
 
 namespace tokid {
 
 namespace {
 
-// The sums of each output of each experiment.
-class Sums {
+// Collects the errors of each output of each experiment.
+class ExperimentErrors {
  public:
-  Sums(Index experiments, Index outputs)
-      : outputs_(outputs), sums_(size_t(experiments), std::vector<ErrorSums>(size_t(outputs))) {}
+  ExperimentErrors(const Model& model, const Ensemble& data)
+      : model_(model),
+        data_(data),
+        simulation_(size_t(data.experiments()), std::vector<ErrorSums>(size_t(data.outputs()))),
+        one_step_(simulation_) {}
 
-  // y and errors (N × m) of one step; a NaN in `errors` is left out
-  void add(const Matrix& y, const Matrix& errors) {
-    for (Index j = 0; j < outputs_; ++j)
-      for (Index n = 0; n < y.rows(); ++n)
-        if (const double e = errors(n, j); !std::isnan(e)) sums_[size_t(n)][size_t(j)].add({1, y(n, j), 0.0, e * e});
-  }
+  // Errors (N × m) of step k. NaN: no error.
+  void predicted(Index k, const Matrix& errors) { add(k, errors, one_step_); }
+  void simulated(Index k, const Matrix& errors) { add(k, errors, simulation_); }
 
-  // The fits and RMS errors (N × m each).
-  std::pair<Matrix, Matrix> fits(bool departures) const {
-    Matrix fit(Index(sums_.size()), outputs_), rmse = fit;
-    for (Index n = 0; n < fit.rows(); ++n) {
-      const Fit one = fit_of(sums_[size_t(n)], departures);
-      fit.row(n) = one.fit.transpose();
-      rmse.row(n) = one.rmse.transpose();
-    }
-    return {fit, rmse};
-  }
+  ExperimentFits fits() const;
 
  private:
-  Index outputs_;
-  std::vector<std::vector<ErrorSums>> sums_;
+  using Sums = std::vector<std::vector<ErrorSums>>;  // (N) of (m)
+
+  void add(Index k, const Matrix& errors, Sums& sums) const {
+    for (Index j = 0; j < errors.cols(); ++j) {
+      const double nominal = k < model_.y_nominal.rows() ? model_.y_nominal(k, j) : 0.0;
+      for (Index n = 0; n < errors.rows(); ++n)
+        if (const double e = errors(n, j); !std::isnan(e))
+          sums[size_t(n)][size_t(j)].add({1, data_.y(n, k, j) - nominal, 0.0, e * e});
+    }
+  }
+
+  const Model& model_;
+  const Ensemble& data_;
+  Sums simulation_, one_step_;
 };
 
 Matrix over_median(const Matrix& rmse) {
@@ -57,43 +60,86 @@ Matrix over_median(const Matrix& rmse) {
   return result;
 }
 
-std::vector<Index> by_falling_excess(const Matrix& excess) {
-  std::vector<Index> rows(size_t(excess.rows()));
+// The largest error that is not outlying.
+double limit_of(const Vector& errors) {
+  std::vector<double> finite;
+  for (const double error : errors)
+    if (std::isfinite(error)) finite.push_back(error);
+  return finite.empty() ? nan
+                        : std::max(least_outlying_error, outlying_experiment * statistics::median(std::move(finite)));
+}
+
+std::vector<Index> by_falling_excess(const Vector& excess) {
+  std::vector<Index> rows(size_t(excess.size()));
   std::iota(rows.begin(), rows.end(), Index(0));
-  const Vector largest = excess.array().isNaN().select(-1.0, excess).rowwise().maxCoeff();
-  std::stable_sort(rows.begin(), rows.end(), [&](Index a, Index b) { return largest(a) > largest(b); });
+  const Vector known = excess.array().isNaN().select(-1.0, excess);
+  std::stable_sort(rows.begin(), rows.end(), [&](Index a, Index b) { return known(a) > known(b); });
   return rows;
+}
+
+ExperimentFits ExperimentErrors::fits() const {
+  const Index experiments = data_.experiments(), outputs = data_.outputs();
+  const bool departures = model_.y_nominal.rows() > 0;
+  const Vector spread = output_spread(model_, data_);
+  ExperimentFits result;
+  const auto set = [&](const Sums& sums, Matrix& fit, Matrix& rmse, ExperimentFits::Counts& samples, Vector& error) {
+    fit.resize(experiments, outputs);
+    rmse.resize(experiments, outputs);
+    samples.resize(experiments, outputs);
+    error.resize(experiments);
+    for (Index n = 0; n < experiments; ++n) {
+      const Fit one = fit_of(sums[size_t(n)], departures);
+      fit.row(n) = one.fit.transpose();
+      rmse.row(n) = one.rmse.transpose();
+      double squares = 0.0;
+      for (Index j = 0; j < outputs; ++j) {
+        const ErrorSums& sum = sums[size_t(n)][size_t(j)];
+        samples(n, j) = sum.count;
+        squares += sum.error / (spread(j) * spread(j));
+      }
+      error(n) = samples.row(n).sum() > 0 ? std::sqrt(squares / double(samples.row(n).sum())) : nan;
+    }
+  };
+  set(simulation_, result.simulation_fit, result.simulation_rmse, result.simulation_samples, result.simulation_error);
+  set(one_step_, result.one_step_fit, result.one_step_rmse, result.one_step_samples, result.one_step_error);
+  result.over_median = over_median(result.one_step_rmse);
+  result.simulation_limit = limit_of(result.simulation_error);
+  result.one_step_limit = limit_of(result.one_step_error);
+  result.excess.resize(experiments);
+  for (Index n = 0; n < experiments; ++n)  // fmax leaves out NaN
+    result.excess(n) = std::fmax(result.simulation_error(n) / result.simulation_limit,
+                                 result.one_step_error(n) / result.one_step_limit);
+  result.worst_first = by_falling_excess(result.excess);
+  return result;
 }
 
 }  // namespace
 
+ExperimentFits experiment_fits(const Model& model, const Ensemble& data, const Innovations& innovations,
+                               const Ensemble& simulated, Index first_step) {
+  ExperimentErrors errors(model, data);
+  for (Index k = first_step; k < data.steps(); ++k) {
+    errors.predicted(k, innovations[size_t(k)]);
+    errors.simulated(k, data.output(k) - simulated.output(k));
+  }
+  return errors.fits();
+}
+
 ExperimentFits experiment_fits(const Model& model, const Ensemble& data, const ValidateOptions& options) {
   if (ends_early(model, data.steps())) return experiment_fits(continued(model, data.steps()), data, options);
   check_steps(model, data, options);
-  Sums simulation(data.experiments(), model.outputs), one_step = simulation;
-  Matrix y, error;
-  const auto take = [&](Index k) {
-    y = data.output(k);
-    subtract_nominal(model.y_nominal, k, y);
-  };
+  ExperimentErrors errors(model, data);
   predict_each(model, data, options.initial_state, [&](Index k, const Matrix& innovation) {
-    if (k < options.first_step) return;
-    take(k);
-    one_step.add(y, innovation);
+    if (k >= options.first_step) errors.predicted(k, innovation);
   });
+  Matrix error;
   simulate_data_each(model, data, options.initial_state, [&](Index k, const Matrix& simulated) {
     if (k < options.first_step) return;
-    take(k);
-    error = y - simulated;
-    simulation.add(y, error);
+    error = data.output(k) - simulated;
+    subtract_nominal(model.y_nominal, k, error);
+    errors.simulated(k, error);
   });
-  const bool departures = model.y_nominal.rows() > 0;
-  ExperimentFits result;
-  std::tie(result.simulation_fit, result.simulation_rmse) = simulation.fits(departures);
-  std::tie(result.one_step_fit, result.one_step_rmse) = one_step.fits(departures);
-  result.excess = over_median(result.one_step_rmse);
-  result.worst_first = by_falling_excess(result.excess);
-  return result;
+  return errors.fits();
 }
 
 }  // namespace tokid

@@ -130,6 +130,8 @@ Comparison compare(const Model& model, const Ensemble& data, const ValidateOptio
       model, data, options, errors, outlying,
       [&compared]() -> const Innovations& { return compared.prediction.innovations; }, &compared.tested);
   name_outlying(compared.validation, data.names);
+  compared.experiments =
+      experiment_fits(model, data, compared.prediction.innovations, compared.simulated, options.first_step);
   return compared;
 }
 

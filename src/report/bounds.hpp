@@ -20,7 +20,6 @@ inline constexpr double error_peak = 5.0;         // one-step error of a step re
 inline constexpr double error_floor = 0.05;       // … and relative to the spread of the outputs …
 inline constexpr double error_stated = 2.0;       // … and relative to the error that the model states for the step
 inline constexpr double beyond_noise = 5.0;       // one-step error relative to the identification at this step
-inline constexpr double outlier = 10.0;           // error of an experiment relative to the median of all
 inline constexpr double coverage = 0.9;           // least share of the model's steps that the data test
 inline constexpr double chance = 0.01;            // expected number of steps with a weak input by chance
 inline constexpr double many_missing = 0.1;       // share of all samples

@@ -18,29 +18,18 @@ namespace tokid::report {
 
 namespace {
 
-// Root mean square errors relative to the spread of the outputs: for each step and for each experiment.
-struct Errors {
-  std::vector<double> step, experiment;
-};
-
-Errors relative_errors(const Ensemble& data, const Ensemble& computed, const Vector& spread) {
-  const auto count = [](Index size) { return std::vector<double>(size_t(size), 0.0); };
-  std::vector<double> step = count(data.steps()), experiment = count(data.experiments());
-  std::vector<double> in_step = step, in_experiment = experiment;
-  for (Index k = 0; k < data.steps(); ++k)
-    for (Index j = 0; j < data.outputs(); ++j)
-      for (Index n = 0; n < data.experiments(); ++n) {
-        const double error = (data.y(n, k, j) - computed.y(n, k, j)) / spread(j);
-        if (std::isnan(error)) continue;
-        step[size_t(k)] += error * error, ++in_step[size_t(k)];
-        experiment[size_t(n)] += error * error, ++in_experiment[size_t(n)];
-      }
-  const auto root = [](std::vector<double>& sum, const std::vector<double>& number) {
-    for (size_t i = 0; i < sum.size(); ++i) sum[i] = number[i] > 0 ? std::sqrt(sum[i] / number[i]) : nan;
-  };
-  root(step, in_step);
-  root(experiment, in_experiment);
-  return {step, experiment};
+// Root mean square errors of each step over experiments and outputs, relative to the spread of the outputs.
+std::vector<double> relative_errors(const Innovations& innovations, const Vector& spread) {
+  std::vector<double> result;
+  for (const Matrix& innovation : innovations) {
+    double sum = 0.0;
+    Index count = 0;
+    for (Index j = 0; j < innovation.cols(); ++j)
+      for (const double e : innovation.col(j))
+        if (!std::isnan(e)) sum += (e / spread(j)) * (e / spread(j)), ++count;
+    result.push_back(count > 0 ? std::sqrt(sum / double(count)) : nan);
+  }
+  return result;
 }
 
 // The spread of an input over the experiments at each step; NaN for fewer than three samples.
@@ -132,8 +121,7 @@ double stated_error(const Model& model, const Vector& spread, Index k) {
   return std::sqrt((variance.array() / spread.array().square()).mean());
 }
 
-// Finds the steps and experiments with unusually large errors, which a mean over all samples hides, and the steps
-// without a comparison.
+// Finds the steps with unusually large errors, which a mean over all samples hides, and the steps without a comparison.
 void assess_errors(const Model& model, const Ensemble& data, const Vector& spread, Evidence& found) {
   const double usual = finite_median(found.step_error);
   const Index freedom = found.samples - found.unknowns;
@@ -163,12 +151,6 @@ void assess_errors(const Model& model, const Ensemble& data, const Vector& sprea
     if (count == 0) continue;
     found.noise_excess[size_t(k)] = std::sqrt(sum / double(count));
     if (found.noise_excess[size_t(k)] > bounds::beyond_noise) found.beyond_noise.push_back(k);
-  }
-
-  found.experiment_limit = std::fmax(bounds::error_floor, bounds::outlier * finite_median(found.experiment_error));
-  for (const double error : found.experiment_error) {
-    found.experiment_excess.push_back(error / found.experiment_limit);
-    if (found.experiment_excess.back() > 1) found.outliers.push_back(Index(found.experiment_excess.size()) - 1);
   }
 }
 
@@ -260,18 +242,8 @@ Evidence evidence(const Model& model, const Tested& tested) {
   found.validation = std::move(compared.validation);
   found.prediction = std::move(compared.prediction);
   found.simulated = std::move(compared.simulated);
-  Errors one_step = relative_errors(data, found.prediction.y, spread);
-  found.step_error = std::move(one_step.step);
-  found.experiment_one_step = std::move(one_step.experiment);
-  found.experiment_simulation = relative_errors(data, found.simulated, spread).experiment;
-  found.error_horizon = found.deciding.steps;
-  found.experiment_error = found.deciding.steps == 0
-                               ? found.experiment_simulation
-                               : relative_errors(data, found.deciding.computed, spread).experiment;
-  if (!std::isfinite(finite_median(found.experiment_error))) {
-    found.error_horizon = 1;
-    found.experiment_error = found.experiment_one_step;
-  }
+  found.fits = std::move(compared.experiments);
+  found.step_error = relative_errors(found.prediction.innovations, spread);
   assess_errors(model, data, spread, found);
   return found;
 }

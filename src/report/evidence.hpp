@@ -51,19 +51,14 @@ struct Evidence {
   Index assessed_inputs = 0;            // number of inputs with enough samples to find out whether they are weak
   std::vector<Index> error_peaks;       // steps whose one-step error is much larger than at the other steps
   std::vector<Index> beyond_noise;      // steps whose one-step error is much larger than the model states for this step
-  std::vector<Index> outliers;          // experiments whose error is much larger than the median
   std::vector<Index> constant_outputs;  // outputs that are constant in the data, so that their fits mean nothing
   std::vector<Index> untested;          // steps of the model without a comparison
   std::vector<double> step_error;  // (T) RMS one-step error over outputs, relative to their spread; NaN if not compared
-  std::vector<double> experiment_error;  // (N) RMS error of each experiment that decides, relative as above
-  Index error_horizon = 0;               // steps ahead of experiment_error; 0: the simulation
-  std::vector<double> experiment_simulation, experiment_one_step;  // (N) those of simulation and one-step prediction
-  double experiment_limit = 0.0;                                   // experiment_error of outliers is larger
-  std::vector<double> step_excess;        // (T) step_error relative to the limit of error_peaks
-  std::vector<double> noise_excess;       // (T) one-step error relative to what the model states; NaN if not known
-  std::vector<double> experiment_excess;  // (N) experiment_error relative to the limit of outliers
-  Findings findings;                      // findings of the options and of the validation, each once
-  Findings differences;                   // differences of sample time and names between data and model
+  std::vector<double> step_excess;   // (T) step_error relative to the limit of error_peaks
+  std::vector<double> noise_excess;  // (T) one-step error relative to what the model states; NaN if not known
+  ExperimentFits fits;               // of the tested experiments (N)
+  Findings findings;                 // findings of the options and of the validation, each once
+  Findings differences;              // differences of sample time and names between data and model
 
   // Tested experiment n, in the form of words::experiment().
   std::string experiment(Index n) const { return words::experiment(rows[size_t(n)], experiment_names[size_t(n)]); }

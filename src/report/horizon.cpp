@@ -86,7 +86,6 @@ DecidingHorizon deciding_horizon(const Model& model, const Ensemble& data, const
   const Validation& v = compared.validation;
   DecidingHorizon result;
   result.fit = v.simulation;
-  result.computed = compared.simulated;
   result.stated = model.has(&Step::has_innovation_cov);
   const Index end = std::min(model.k_end(), data.steps());
   if (v.one_step.samples == 0 || model.states() == 0 || moving_outputs.empty()) return result;
@@ -123,10 +122,9 @@ DecidingHorizon deciding_horizon(const Model& model, const Ensemble& data, const
   result.steps = 1;
   while (result.steps < horizons && well(ahead.row(result.steps).transpose())) ++result.steps;
   result.expected = fits(ahead.row(result.steps - 1).transpose(), spread);
-  result.computed = result.steps == 1 ? compared.prediction.y : predict(model, data, {result.steps, initial_state}).y;
-  for (Index k = 0; k < std::min(data.steps(), begin + result.steps - 1); ++k)
-    result.computed.output(k).setConstant(nan);
-  result.fit = fit(data, result.computed, model.y_nominal);
+  Ensemble computed = result.steps == 1 ? compared.prediction.y : predict(model, data, {result.steps, initial_state}).y;
+  for (Index k = 0; k < std::min(data.steps(), begin + result.steps - 1); ++k) computed.output(k).setConstant(nan);
+  result.fit = fit(data, computed, model.y_nominal);
   const Vector forced = forced_response(model, data, begin, end, result.steps);
   for (const Index j : moving_outputs)
     if (result.fit.rmse(j) > 0) result.inputs = std::max(result.inputs, forced(j) / result.fit.rmse(j));

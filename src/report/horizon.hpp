@@ -17,7 +17,6 @@ struct DecidingHorizon {
   Vector expected_one_step;    // (m) fit [%] of an exact model, one step ahead
   Vector expected;             // (m) fit [%] of an exact model, at the chosen horizon
   Fit fit;                     // at the chosen horizon
-  Ensemble computed;           // outputs computed at the chosen horizon
   double inputs =
       0.0;  // RMS of the effect of the inputs within the horizon over that of the errors, largest over the outputs
 };

@@ -11,6 +11,7 @@
 #include "base/json.hpp"
 #include "base/statistics.hpp"
 #include "io/formats/provenance_text.hpp"
+#include "model/comparison.hpp"
 #include "report/assets.hpp"
 #include "report/evidence.hpp"
 #include "report/origin.hpp"
@@ -219,7 +220,7 @@ class Report {
             "by {:.0f} % or more, or is not known to {:.0f} %; another sample time or other names than the model's.",
             bounds::poor_fit, bounds::good_fit, bounds::useless_fit, bounds::as_expected, bounds::good_fit,
             bounds::inputs_show, bounds::error_peak, 100 * bounds::error_floor, bounds::error_stated,
-            bounds::beyond_noise, bounds::outlier, 100 * bounds::coverage, bounds::few_tested,
+            bounds::beyond_noise, outlying_experiment, 100 * bounds::coverage, bounds::few_tested,
             100 * bounds::many_missing, figure(bounds::ill_conditioned), figure(bounds::worth_a_word),
             bounds::worse_than_usual, 100 * bounds::weak_input, counts::correlation, counts::overconfident,
             100 * counts::gain, 100 * counts::gain_unknown),
@@ -459,35 +460,28 @@ class Report {
   std::string experiments_section() const {
     constexpr size_t most_worst = 12, most_rows = 40;
     const std::vector<Index> outlying = outlying_samples(found_);
-    std::vector<Table::Column> columns{{"Experiment", Align::text}, {"Simulation"}, {"One step"}};
-    const Index horizon = found_.error_horizon;
-    const bool ahead = horizon > 1;
-    if (ahead) columns.push_back({fmt::format("{} ahead", plural(horizon, "step"))});
-    columns.push_back({"Marked", Align::text});
-    const std::vector<Index> order = worst_first(found_);
+    const ExperimentFits& fits = found_.fits;
     size_t listed = 0, marked = 0;
-    Table table(columns, "RMS errors relative to the spread of the outputs", false);
-    for (size_t i = 0; i < order.size(); ++i) {
-      const size_t n = size_t(order[i]);
+    Table table({{"Experiment", Align::text}, {"Simulation"}, {"One step"}, {"Error / limit"}, {"Marked", Align::text}},
+                "RMS errors relative to the spread of the outputs", false);
+    for (size_t i = 0; i < fits.worst_first.size(); ++i) {
+      const Index n = fits.worst_first[i];
       std::vector<std::string> marks;
-      if (found_.experiment_excess[n] > 1) marks.emplace_back("outlying error");
-      if (outlying[n] > 0) marks.push_back(plural(outlying[n], "outlying sample"));
+      if (fits.outlying(n)) marks.emplace_back("outlying error");
+      if (outlying[size_t(n)] > 0) marks.push_back(plural(outlying[size_t(n)], "outlying sample"));
       marked += !marks.empty();
       if (listed == most_rows || (i >= most_worst && marks.empty())) continue;
       ++listed;
-      std::vector<std::string> cells{"Experiment " + found_.experiment(Index(n)),
-                                     figure(found_.experiment_simulation[n], 3),
-                                     figure(found_.experiment_one_step[n], 3)};
-      if (ahead) cells.push_back(figure(found_.experiment_error[n], 3));
-      cells.push_back(fmt::format("{}", fmt::join(marks, ", ")));
-      table.row(cells, marks.empty() ? "" : "mark");
+      table.row(
+          {"Experiment " + found_.experiment(n), figure(fits.simulation_error(n), 3), figure(fits.one_step_error(n), 3),
+           figure(fits.excess(n), 3), fmt::format("{}", fmt::join(marks, ", "))},
+          marks.empty() ? "" : "mark");
     }
     const std::string about = fmt::format(
-        "RMS errors of each experiment, relative to the spread of the outputs, with the largest {} first. An experiment is "
-        "marked if its error is above {:.0f} times the median and {:.0f} % of the spread, or if single samples of it are "
-        "outlying. {}",
-        horizon > 0 ? fmt::format("error {} ahead", plural(horizon, "step")) : "simulation error", bounds::outlier,
-        100 * bounds::error_floor,
+        "RMS errors of each experiment, relative to the spread of the outputs. The limit of an error is {:.0f} times its "
+        "median over the experiments, and at least {:.0f} % of the spread. The experiments are in the order of their "
+        "larger error over its limit. Those above a limit are marked, and those with single outlying samples. {}",
+        outlying_experiment, 100 * least_outlying_error,
         marked == 0 ? "None is marked."
                     : fmt::format("{} of {} marked.", marked, plural(found_.experiments, "experiment")));
     return section("experiments", "All experiments",

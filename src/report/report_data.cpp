@@ -139,16 +139,6 @@ Framed pole_frame(const Model& model) {
   return {smooth_frame(model, rows), "smooth", model.k_begin, model.k_end(), -1};
 }
 
-std::vector<Index> worst_first(const Evidence& found) {
-  const auto& error = found.experiment_error;
-  std::vector<Index> order = range(0, Index(error.size()));
-  std::stable_sort(order.begin(), order.end(), [&](Index a, Index b) {
-    const double x = error[size_t(a)], y = error[size_t(b)];
-    return std::isnan(y) ? !std::isnan(x) : x > y;
-  });
-  return order;
-}
-
 std::vector<Index> outlying_samples(const Evidence& found) {
   std::vector<Index> result(size_t(found.experiments), 0);
   for (const OutlyingSamples& o : found.validation.outlying) result[size_t(o.experiment)] += Index(o.steps.size());
@@ -156,11 +146,10 @@ std::vector<Index> outlying_samples(const Evidence& found) {
 }
 
 Shown shown_experiments(const Evidence& found, Index most) {
-  const auto& error = found.experiment_error;
-  const Index total = Index(error.size());
+  const std::vector<Index>& order = found.fits.worst_first;
+  const Index total = found.fits.experiments();
   most = std::clamp<Index>(most, 1, std::max<Index>(1, total));
-  const std::vector<Index> order = worst_first(found);
-  const Index known = std::count_if(error.begin(), error.end(), [](double e) { return !std::isnan(e); });
+  const Index known = total - found.fits.excess.array().isNaN().count();
 
   Shown shown;
   Index best = -1, middle = -1, worst = -1;
@@ -201,12 +190,12 @@ class Collector {
  public:
   Collector(const Model& model, const Ensemble& data, const Evidence& found, const ModelComparison& comparison,
             const ReportOptions& options)
-      : model_(model),
-        data_(data),
-        found_(found),
-        comparison_(comparison),
-        options_(options),
-        plots_{{}, {}, pole_frame(model), {}, {}, {}} {}
+      : model_(model), data_(data), found_(found), comparison_(comparison), options_(options), plots_{{},
+                                                                                                      {},
+                                                                                                      pole_frame(model),
+                                                                                                      {},
+                                                                                                      {},
+                                                                                                      {}} {}
 
   Plots collect(const Verdict& verdict) {
     json_["dt"] = rounded(data_.dt);
@@ -319,30 +308,33 @@ class Collector {
             {"prediction_error", difference(predicted)}};
   }
 
-  // The errors of all experiments in the order of worst_first(). Of very many, the worst and an even selection of the
-  // others.
+  // The errors of all experiments, the worst first. Of very many, the worst and an even selection of the others.
   void experiments() {
-    const std::vector<Index> order = worst_first(found_);
+    const ExperimentFits& fits = found_.fits;
+    const std::vector<Index>& order = fits.worst_first;
     const Index total = Index(order.size()), others = std::max<Index>(0, total - most_worst_experiments);
     const Index stride = std::max<Index>(1, (others + most_other_experiments - 1) / most_other_experiments);
     if (stride > 1)
       omit("The plot of all experiments shows the {} with the largest errors, and every {}th of the others.",
            most_worst_experiments, stride);
     const std::vector<Index> outlying = outlying_samples(found_);
-    Json list{{"limit", rounded(found_.experiment_limit)}, {"horizon", found_.error_horizon}};
-    for (const char* key : {"x", "row", "name", "simulation", "one_step", "deciding", "outlying", "samples"})
+    Json list{{"simulation_limit", rounded(fits.simulation_limit)}, {"one_step_limit", rounded(fits.one_step_limit)}};
+    for (const char* key : {"x", "row", "name", "simulation_error", "one_step_error", "simulation_samples",
+                            "one_step_samples", "excess", "outlying", "outlying_samples"})
       list[key] = Json::array();
     for (Index i = 0; i < total; i += i < most_worst_experiments ? 1 : stride) {
-      const size_t n = size_t(order[size_t(i)]);
-      const std::string& name = found_.experiment_names[n];
+      const Index n = order[size_t(i)];
+      const std::string& name = found_.experiment_names[size_t(n)];
       list["x"].push_back(i + 1);
-      list["row"].push_back(found_.rows[n]);
+      list["row"].push_back(found_.rows[size_t(n)]);
       list["name"].push_back(name.empty() ? Json() : Json(words::quoted(name)));
-      list["simulation"].push_back(rounded(found_.experiment_simulation[n]));
-      list["one_step"].push_back(rounded(found_.experiment_one_step[n]));
-      list["deciding"].push_back(rounded(found_.experiment_error[n]));
-      list["outlying"].push_back(found_.experiment_excess[n] > 1);
-      list["samples"].push_back(outlying[n]);
+      list["simulation_error"].push_back(rounded(fits.simulation_error(n)));
+      list["one_step_error"].push_back(rounded(fits.one_step_error(n)));
+      list["simulation_samples"].push_back(fits.simulation_samples.row(n).sum());
+      list["one_step_samples"].push_back(fits.one_step_samples.row(n).sum());
+      list["excess"].push_back(rounded(fits.excess(n)));
+      list["outlying"].push_back(fits.outlying(n));
+      list["outlying_samples"].push_back(outlying[size_t(n)]);
     }
     json_["experiments"] = std::move(list);
   }

@@ -33,8 +33,6 @@ struct Framed {
 };
 Framed pole_frame(const Model& model);
 
-// The tested experiments (N), the largest error first. Experiments without an error come last.
-std::vector<Index> worst_first(const Evidence& found);
 // (N) the number of outlying samples of each tested experiment
 std::vector<Index> outlying_samples(const Evidence& found);
 

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <functional>
 
+#include "model/comparison.hpp"
 #include "report/evidence.hpp"
 #include "report/origin.hpp"
 
@@ -452,24 +453,26 @@ class Assessment {
   }
 
   Check outlier_check() const {
-    const char* subject = "Largest error of an experiment, relative to its limit";
+    const char* subject = "Largest error of an experiment, in simulation or prediction, relative to its limit";
     const std::string needed = fmt::format(
         "1 or less; the limit is the larger of {:.0f} times the median and {:.0f} % of the spread of the "
         "outputs",
-        bounds::outlier, 100 * bounds::error_floor);
-    if (const std::string why = no_median(found_.experiment_excess, "experiment");
-        !why.empty() && found_.outliers.empty())
+        outlying_experiment, 100 * least_outlying_error);
+    const std::vector<double> excess(found_.fits.excess.begin(), found_.fits.excess.end());
+    std::vector<Index> outlying;
+    for (Index n = 0; n < found_.experiments; ++n)
+      if (found_.fits.outlying(n)) outlying.push_back(n);
+    if (const std::string why = no_median(excess, "experiment"); !why.empty() && outlying.empty())
       return untested("outliers", subject, why, needed);
-    Check result = check(
-        "outliers", subject,
-        largest(found_.experiment_excess, [&](Index n) { return fmt::format("experiment {}", found_.experiment(n)); }),
-        needed);
-    if (!found_.outliers.empty())
+    Check result =
+        check("outliers", subject,
+              largest(excess, [&](Index n) { return fmt::format("experiment {}", found_.experiment(n)); }), needed);
+    if (!outlying.empty())
       against(result, Trust::look_closer,
               fmt::format(
                   "Errors of {} are more than {:.0f} times the median of all experiments: look for other conditions, a "
                   "failed sensor, or a model that is not valid there.",
-                  experiment_list(found_, found_.outliers), bounds::outlier));
+                  experiment_list(found_, outlying), outlying_experiment));
     return result;
   }
 

@@ -295,8 +295,8 @@ def test_checks_are_listed_with_their_figures(visit, typical):
 def test_every_experiment_has_its_place_and_name(visit, typical):
     with visit(typical) as page:
         found = report_data(page)["experiments"]
-        assert len(found["row"]) == 13 and found["simulation"] == sorted(found["simulation"], reverse=True)
-        assert values(page, "experiments", "One-step prediction") == found["one_step"]
+        assert len(found["row"]) == 13 and found["excess"] == sorted(found["excess"], reverse=True)
+        assert values(page, "experiments", "One-step prediction") == found["one_step_error"]
         page.focus("#plot-experiments")
         page.keyboard.press("Home")
         expect(page.locator("#legend-experiments")).to_contain_text(f"experiment {found['row'][0]}")

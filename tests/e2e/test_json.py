@@ -161,8 +161,12 @@ def test_validate(tokid, oscillator):
                       ["nis", "whiteness", "independence", "gains", "feedback"], ("untested", "rounding_level")),
                   "nis_presumes_normal": lambda v: v is None, "cross_validation": lambda v: v is None, "horizon": lambda v: v == 3, "warnings": texts, "findings": findings,
                   "first_predicted": lambda v: v == 0, "output_names": lambda v: v == ["y1", "y2"],
+                  # Errors at rounding level: 10 times their median is below 0.05.
+                  "experiment_limits": lambda v: v == {"simulation": 0.05, "one_step": 0.05},
                   "worst_experiments_first": lambda v: len(v) == found["experiments"] and set(v[0]) == {
-                      "experiment", "name", "simulation_fit", "one_step_fit", "simulation_rmse", "one_step_rmse", "excess"}})
+                      "experiment", "name", "simulation_fit", "one_step_fit", "simulation_rmse", "one_step_rmse",
+                      "simulation_samples", "one_step_samples", "over_median", "simulation_error", "one_step_error",
+                      "excess", "outlying"}})
 
 
 def test_cross_validation(tokid, oscillator):

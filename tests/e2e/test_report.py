@@ -280,18 +280,50 @@ def test_all_experiments_are_shown_the_worst_first(tokid, oscillator, tmp_path):
     def rms(computed):
         return np.sqrt((((y - computed) / spread) ** 2).mean(axis=(1, 2)))
     simulation, one_step = rms(simulate(model, arrays["u"])), rms(predict(model, arrays["u"], y))
-    order = np.argsort(-simulation, kind="stable")
-    assert found["horizon"] == 0 and found["x"] == [*range(1, 1001), *range(1001, 2601, 2)]
+    # tokid takes the upper one of two middle values as median.
+    limits = [max(0.05, 10 * np.sort(errors)[1300]) for errors in (simulation, one_step)]
+    excess = np.maximum(simulation / limits[0], one_step / limits[1])
+    order = np.argsort(-excess, kind="stable")
+    assert found["x"] == [*range(1, 1001), *range(1001, 2601, 2)]
     rows = np.array(found["row"])
     np.testing.assert_array_equal(rows, order[np.array(found["x"]) - 1])
-    np.testing.assert_allclose(found["simulation"], simulation[rows], **six_digits)
-    np.testing.assert_allclose(found["one_step"], one_step[rows], **six_digits)
+    for key, expected in (("simulation_error", simulation), ("one_step_error", one_step), ("excess", excess)):
+        np.testing.assert_allclose(found[key], expected[rows], **six_digits)
+    assert set(found["simulation_samples"]) == set(found["one_step_samples"]) == {80}
     assert rows[0] == 1234 and found["outlying"] == [True] + [False] * (len(rows) - 1)
-    assert found["limit"] == pytest.approx(max(0.05, 10 * np.sort(simulation)[1300]), rel=1e-5)
+    np.testing.assert_allclose([found["simulation_limit"], found["one_step_limit"]], limits, **six_digits)
     shown = table_of(page, "RMS errors relative to the spread of the outputs")
     assert len(shown) >= 12 and shown[0][0] == "Experiment 1234" and "outlying error" in shown[0][-1]
-    assert float(shown[0][1]) == pytest.approx(simulation[1234], rel=6e-3)
+    # Three digits.
+    np.testing.assert_allclose([float(cell) for cell in shown[0][1:4]],
+                               [simulation[1234], one_step[1234], excess[1234]], rtol=5.1e-3)
     assert page.stat().st_size < 1_500_000
+
+
+def test_page_and_validate_have_the_same_errors_of_experiments(tokid, tmp_path):
+    """In the same order, with copies left out, also where predictions decide."""
+    noise = ["--steps", 40, "--process-noise", 0.05, "--measurement-noise", 0.1]
+    tokid("example", "oscillator", "-o", tmp_path / "data.npz", "--experiments", 40, *noise)
+    tokid("example", "oscillator", "-o", tmp_path / "fresh.npz", "--experiments", 20, "--seed", 2, *noise)
+    tokid("identify", tmp_path / "data.npz", "-o", tmp_path / "model.npz", "--states", 4, "--no-refine")
+    arrays = load(tmp_path / "fresh.npz")
+    arrays["y"][7] *= -1
+    arrays["y"][11, 20:, 1] = np.nan
+    for key in "uy":
+        arrays[key] = np.concatenate((arrays[key], arrays[key][[3, 7]]))
+    np.savez(tmp_path / "fresh.npz", **arrays)
+    tokid("report", tmp_path / "model.npz", tmp_path / "fresh.npz", "-o", tmp_path / "page.html")
+    page, found = data_of(tmp_path / "page.html")["experiments"], tokid.json(
+        "validate", tmp_path / "model.npz", tmp_path / "fresh.npz")
+    listed = found["worst_experiments_first"]
+    assert page["row"] == [one["experiment"] for one in listed] and sorted(page["row"]) == list(range(20))
+    assert page["outlying"] == [one["outlying"] for one in listed] == [True] + [False] * 19 and page["row"][0] == 7
+    for key in ("simulation_error", "one_step_error", "excess"):
+        np.testing.assert_allclose(page[key], [one[key] for one in listed], **six_digits)
+    for kind in ("simulation", "one_step"):
+        assert page[f"{kind}_samples"] == [sum(one[f"{kind}_samples"]) for one in listed]
+        np.testing.assert_allclose(page[f"{kind}_limit"], found["experiment_limits"][kind], **six_digits)
+    assert page["one_step_samples"][page["row"].index(11)] == 60
 
 
 def test_page_of_an_identification_has_its_candidates(tokid, tmp_path):

@@ -77,22 +77,26 @@
   // The errors of all experiments. The logarithmic axis needs values above zero; an exact error of zero is not drawn.
 
   function draw_experiments() {
-    const e = data.experiments, errors = ["simulation", "one_step", "deciding"].flatMap(key => e[key]).filter(v => v > 0);
+    const e = data.experiments, errors = ["simulation_error", "one_step_error"].flatMap(key => e[key]).filter(v => v > 0);
     if (!errors.length) return;
     const points = (u, i, i0, i1) => (i1 - i0) * 6 < u.bbox.width / devicePixelRatio;
-    const outlying = e.deciding.map((v, i) => e.outlying[i] || e.samples[i] ? v : null);
+    // A mark lies on the larger error over its limit.
+    const marked = e.simulation_error.map((v, i) => {
+      if (!e.outlying[i] && !e.outlying_samples[i]) return null;
+      return v / e.simulation_limit >= e.one_step_error[i] / e.one_step_limit || e.one_step_error[i] === null ? v : e.one_step_error[i];
+    });
     const curves = [
-      {label: "Simulation", colour: "--c-blue", values: e.simulation, points},
-      {label: "One-step prediction", colour: "--c-orange", values: e.one_step, points, dash: [5, 3]}];
-    if (e.horizon > 1) curves.push({label: `${e.horizon} steps ahead`, colour: "--c-green", values: e.deciding, points});
+      {label: "Simulation", colour: "--c-blue", values: e.simulation_error, points},
+      {label: "One-step prediction", colour: "--c-orange", values: e.one_step_error, points, dash: [5, 3]}];
     if (e.outlying.some(is => is))
-      curves.push({label: "Limit of outlying errors", colour: "--c-faint", values: e.x.map(() => e.limit), width: 1.2, dash: [2, 3]});
-    if (outlying.some(v => v !== null))
-      curves.push({label: "Marked", colour: "--bad", values: outlying, marks: true, size: 9});
+      for (const [label, limit] of [["Limit of the simulation", e.simulation_limit], ["Limit of the prediction", e.one_step_limit]])
+        curves.push({label, colour: "--c-faint", values: e.x.map(() => limit), width: 1.2, dash: [2, 3]});
+    if (marked.some(v => v !== null))
+      curves.push({label: "Marked", colour: "--bad", values: marked, marks: true, size: 9});
     const name = i => e.name[i] === null || e.name[i] === String(e.row[i]) ? String(e.row[i]) : `"${e.name[i]}" (row ${e.row[i]})`;
     add({
-      name: "experiments", tall: 240, x: e.x, x_label: "Experiments, the largest error first", curves, log: true,
-      where_of: i => `experiment ${name(i)}` + (e.samples[i] ? `, outlying samples: ${e.samples[i]}` : "")
+      name: "experiments", tall: 240, x: e.x, x_label: "Experiments, the worst first", curves, log: true,
+      where_of: i => `experiment ${name(i)}` + (e.outlying_samples[i] ? `, outlying samples: ${e.outlying_samples[i]}` : "")
     });
   }
 
