@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "command.hpp"
 #include "common.hpp"
+#include "report/verdict_json.hpp"
 
 namespace tokid::app {
 
@@ -13,6 +14,7 @@ struct Call {
   ReadOptions read;
   ReportOptions options;
   int threads = 1;
+  bool json = false;
 };
 
 void run(const Call& call) {
@@ -35,6 +37,17 @@ void run(const Call& call) {
   const ReportPage page = about(call.data, [&] { return report_page(model, data, options); });
   save_text(page.html, call.output);
 
+  if (call.json) {
+    Json j = json_of(page.verdict);
+    j["checks"] = json_of(page.verdict.checks);
+    j["page"] = call.output.string();
+    Findings findings = options.findings;
+    if (options.bands) append(findings, options.bands->findings);
+    add_findings(j, findings);
+    print(j);
+    warn(findings);
+    return;
+  }
   Page text;
   text.row("Verdict", to_string(page.verdict.trust));
   text.row("", page.verdict.summary);
@@ -64,6 +77,7 @@ void add_report(CLI::App& tool) {
       "--bands", call->identified,
       "Ensemble of the identification, for 95 % bands of the responses by a bootstrap: .npz, .h5, .mat or .csv");
   command.threads(call->threads);
+  command.flag("--json", call->json, "Print the verdict and its checks as one JSON object");
   command.runs([call] { run(*call); });
 }
 

@@ -6,6 +6,7 @@
 
 #include "command.hpp"
 #include "common.hpp"
+#include "report/verdict_json.hpp"
 
 namespace tokid::app {
 
@@ -215,7 +216,9 @@ Json json(const Call& call, const Model& model, const Ensemble& data, const Vali
   j["gain_errors"] = numbers(v.gains.error);
   j["gain_deviations"] = numbers(v.gains.deviation);
   j["outlying_samples"] = json_of(v.outlying);
-  j["conclusions"] = json_of(conclusions(v, model.names));
+  const Conclusions found = conclusions(v, model.names);
+  j["conclusions"] = json_of(found);
+  j["checks"] = json_of(innovation_checks(found, v));
   j["cross_validation"] = cross ? json(*cross) : Json();
   add_findings(j, v.findings);
   return j;

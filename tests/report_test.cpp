@@ -541,7 +541,13 @@ TEST(Verdict, IsTheWorstOfItsChecks) {
     Trust worst = Trust::good;
     std::vector<std::string> reasons, names;
     for (const VerdictCheck& check : v.checks) {
-      EXPECT_FALSE(check.name.empty() || check.subject.empty() || check.found.empty() || check.needed.empty());
+      const CheckWords words = in_words(check);
+      EXPECT_FALSE(check.name.empty() || words.subject.empty() || words.found.empty() || words.needed.empty());
+      // The figures alone decide whether a check passes.
+      if (check.result) {
+        EXPECT_EQ(check.kept(), *check.result == Trust::good) << check.name;
+      }
+      EXPECT_EQ(check.result.has_value(), !check.untested.has_value()) << check.name;
       worst = std::max(worst, check.result.value_or(Trust::good));
       Trust own = Trust::good;
       for (const VerdictReason& reason : check.reasons)
@@ -554,7 +560,7 @@ TEST(Verdict, IsTheWorstOfItsChecks) {
       } else {
         names.push_back(check.name);
       }
-      EXPECT_TRUE(contains(page.html, escape(check.subject))) << check.subject;
+      EXPECT_TRUE(contains(page.html, escape(words.subject))) << words.subject;
     }
     EXPECT_EQ(v.trust, worst);
     EXPECT_EQ(v.trust, trust) << all_reasons(v);
@@ -572,6 +578,43 @@ const VerdictCheck& check_of(const Verdict& verdict, const std::string& name) {
   throw std::runtime_error("no check " + name);
 }
 
+TEST(Verdict, FiguresKeepTheirBounds) {
+  using Rule = CheckFigure::Rule;
+  const double inf = std::numeric_limits<double>::infinity();
+  const auto kept = [](std::vector<double> values, Rule rule, double bound) {
+    return CheckFigure{"fit", std::move(values), rule, bound}.kept();
+  };
+  for (const auto& [rule, at_bound, above, beneath] : {std::tuple{Rule::at_least, true, true, false},
+                                                       {Rule::at_most, true, false, true},
+                                                       {Rule::below, false, false, true}}) {
+    EXPECT_EQ(kept({2.0}, rule, 2.0), at_bound) << to_string(rule);
+    EXPECT_EQ(kept({3.0}, rule, 2.0), above);
+    EXPECT_EQ(kept({inf}, rule, 2.0), above);
+    EXPECT_EQ(kept({-inf}, rule, 2.0), beneath);
+    EXPECT_EQ(kept({nan, 1.0}, rule, 2.0), beneath);
+    EXPECT_FALSE(kept({1.0, 3.0}, rule, 2.0));
+    EXPECT_FALSE(kept({}, rule, 2.0));  // nothing is known
+    EXPECT_FALSE(kept({nan}, rule, 2.0));
+  }
+  VerdictCheck check;
+  check.figures = {{"p", {0.5}, Rule::at_least, 0.01}, {"correlation", {0.3}, Rule::below, 0.2}};
+  EXPECT_FALSE(check.kept());
+  check.one_suffices = true;
+  EXPECT_TRUE(check.kept());
+}
+
+// A model whose predictions overflow: the fit of the other output does not pass the check.
+TEST(Verdict, AnOverflowKeepsNoBound) {
+  Model wild = oscillator(40);
+  for (Step& step : wild.step) step.C().row(0) *= 1e200;
+  const Verdict v = verdict(wild, noisy(20, 2));
+  for (const char* name : {"one_step_fit", "simulation_fit"}) {
+    const VerdictCheck& check = check_of(v, name);
+    EXPECT_EQ(check.result, Trust::distrust) << name;
+    EXPECT_FALSE(check.kept()) << name;
+  }
+}
+
 TEST(Verdict, DoesNotPassWhatItCannotTest) {
   Model model = oscillator(40);
   for (Step& step : model.step) step.G().setZero();
@@ -579,10 +622,10 @@ TEST(Verdict, DoesNotPassWhatItCannotTest) {
     const Verdict v = verdict(model, noisy(count, 9));
     for (const char* name : {"inputs", "outliers"}) {
       const VerdictCheck& check = check_of(v, name);
-      EXPECT_EQ(check.result.has_value(), count >= 3) << name << " " << count << " " << check.found;
+      EXPECT_EQ(check.result.has_value(), count >= 3) << name << " " << count << " " << in_words(check).found;
       EXPECT_TRUE(check.reasons.empty());
       if (count < 3) {
-        EXPECT_TRUE(contains(check.found, "3")) << check.found;
+        EXPECT_TRUE(contains(in_words(check).found, "3")) << in_words(check).found;
       }
     }
     // Even far away, one or two experiments cannot be told from a bad model.
@@ -607,12 +650,12 @@ TEST(Verdict, TestsTheInputsOfPeriodicModelsOverTime) {
     Ensemble data = random_experiments(model, count, 7);
     const VerdictCheck varied = check_of(verdict(model, data), "inputs");
     EXPECT_EQ(varied.result, Trust::good);
-    EXPECT_EQ(varied.found, "2 of 2 inputs");
-    EXPECT_TRUE(contains(varied.subject, "over time")) << varied.subject;
+    EXPECT_EQ(in_words(varied).found, "2 of 2 inputs");
+    EXPECT_TRUE(contains(in_words(varied).subject, "over time")) << in_words(varied).subject;
     for (Index k = 0; k < 40; ++k) data.input(k).col(1).setConstant(0.7);
     const VerdictCheck constant = check_of(verdict(model, simulate(model, data)), "inputs");
     EXPECT_EQ(constant.result, Trust::look_closer);
-    EXPECT_EQ(constant.found, "1 of 2 inputs");
+    EXPECT_EQ(in_words(constant).found, "1 of 2 inputs");
     ASSERT_EQ(constant.reasons.size(), 1u);
     EXPECT_TRUE(contains(constant.reasons[0].text, "Input u2 is constant in these data")) << constant.reasons[0].text;
   }
@@ -634,8 +677,9 @@ TEST(Verdict, StatesTheRuleThatDecidedATestOfTheInnovations) {
   const auto expect = [](const VerdictCheck& check, std::optional<Trust> result, const std::string& text,
                          const std::string& needed) {
     EXPECT_EQ(check.result, result) << check.name;
-    EXPECT_EQ(check.found, text);
-    EXPECT_EQ(check.needed, needed);
+    EXPECT_EQ(check.kept(), result == Trust::good) << check.name;
+    EXPECT_EQ(in_words(check).found, text);
+    EXPECT_EQ(in_words(check).needed, needed);
   };
   Validation v = found.validation;
   v.whiteness.p = 0.3;
@@ -724,17 +768,17 @@ TEST(Verdict, HasTheFiguresOfTheData) {
     const auto at_step = [&](const std::vector<double>& values) {
       return fmt::format("{} at step {}", words::figure(values[size_t(largest(values))], 3), largest(values));
     };
-    EXPECT_EQ(check_of(v, "error_peaks").found, at_step(peak));
+    EXPECT_EQ(in_words(check_of(v, "error_peaks")).found, at_step(peak));
     EXPECT_EQ(check_of(v, "error_peaks").result == Trust::good, peak[size_t(largest(peak))] <= 1);
-    EXPECT_EQ(check_of(v, "beyond_noise").found, at_step(excess));
-    EXPECT_EQ(check_of(v, "beyond_noise").needed, "5 or less");
+    EXPECT_EQ(in_words(check_of(v, "beyond_noise")).found, at_step(excess));
+    EXPECT_EQ(in_words(check_of(v, "beyond_noise")).needed, "5 or less");
     EXPECT_EQ(check_of(v, "beyond_noise").result,
               excess[size_t(largest(excess))] > 5 ? Trust::look_closer : Trust::good);
     EXPECT_EQ(largest(excess), 17);
-    EXPECT_EQ(check_of(v, "coverage").found, "40 of 40 steps");
-    EXPECT_EQ(check_of(v, "coverage").needed, "90 % or more");
-    EXPECT_EQ(check_of(v, "samples").found, words::figure(60.0 / double(unknowns(model, 20)), 3));
-    EXPECT_EQ(check_of(v, "samples").needed, "2 or more");
+    EXPECT_EQ(in_words(check_of(v, "coverage")).found, "40 of 40 steps");
+    EXPECT_EQ(in_words(check_of(v, "coverage")).needed, "90 % or more");
+    EXPECT_EQ(in_words(check_of(v, "samples")).found, words::figure(60.0 / double(unknowns(model, 20)), 3));
+    EXPECT_EQ(in_words(check_of(v, "samples")).needed, "2 or more");
     ASSERT_EQ(v.horizon, 0);
     std::vector<double> excess_of_experiments(size_t(count), 0.0);
     for (const Ensemble* computed : {&simulated, &predicted.y}) {
@@ -749,7 +793,7 @@ TEST(Verdict, HasTheFiguresOfTheData) {
         excess_of_experiments[n] = std::max(excess_of_experiments[n], error[n] / limit);
     }
     const auto worst = largest(excess_of_experiments);
-    EXPECT_EQ(check_of(v, "outliers").found,
+    EXPECT_EQ(in_words(check_of(v, "outliers")).found,
               fmt::format("{} at experiment {}", words::figure(excess_of_experiments[size_t(worst)], 3), worst));
   }
 }
@@ -773,8 +817,8 @@ TEST(Verdict, HasTheFiguresOfPredictionsThatDecide) {
       Ensemble ahead = predict(model, data, {v.horizon, std::nullopt}).y;
       const Index begin = validate(model, data).first_predicted;
       const Fit expected = fit(data, ahead, model.y_nominal, begin + v.horizon - 1);
-      EXPECT_EQ(check_of(v, "prediction_fit").found, words::percent_range(expected.fit));
-      EXPECT_EQ(check_of(v, "prediction_fit").needed, "80 % or more for every output");
+      EXPECT_EQ(in_words(check_of(v, "prediction_fit")).found, words::percent_range(expected.fit));
+      EXPECT_EQ(in_words(check_of(v, "prediction_fit")).needed, "80 % or more for every output");
       double squares = 0.0;
       const Index starts = steps - begin - v.horizon + 1;
       for (Index s = begin; s < begin + starts; ++s) {
@@ -788,8 +832,8 @@ TEST(Verdict, HasTheFiguresOfPredictionsThatDecide) {
       }
       const double ratio = std::sqrt(squares / double(starts)) / expected.rmse(0);
       const VerdictCheck& input = check_of(v, "input_effect");
-      EXPECT_EQ(input.found, words::figure(ratio, 3));
-      EXPECT_EQ(input.needed, "0.5 or more");
+      EXPECT_EQ(in_words(input).found, words::figure(ratio, 3));
+      EXPECT_EQ(in_words(input).needed, "0.5 or more");
       EXPECT_EQ(input.result, ratio < 0.5 ? Trust::look_closer : Trust::good);
     }
 }

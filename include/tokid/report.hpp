@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <limits>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -67,15 +69,67 @@ struct VerdictReason {
   std::string text;
 };
 
-// A check of the verdict, in words.
-struct VerdictCheck {
-  std::string name;           // "simulation_fit", …; docs/formats.md lists the names
-  std::string subject;        // what is checked
-  std::string found, needed;  // the figure of these data, and its bound; `found` gives the reason of an untested check
-  std::optional<Trust> result;  // good: passed; empty: not tested
-  // Why it did not pass. Empty if it passed, or if another check has the reason.
-  std::vector<VerdictReason> reasons;
+// A figure by which a check decides, and its bound.
+struct CheckFigure {
+  enum class Rule { at_least, at_most, below };
+
+  std::string name;  // "fit", "p", …; docs/formats.md lists the names
+  // Fits have one value for each output, NaN for a constant one. Others have one value. Empty: not known.
+  std::vector<double> values = {};
+  Rule rule = Rule::at_least;
+  double bound = 0.0;
+  double distrust = std::numeric_limits<double>::quiet_NaN();  // fits: a smaller one leads to distrust
+
+  // Is at least one value known, and do all known values keep the bound?
+  bool kept() const;
 };
+const char* to_string(CheckFigure::Rule rule);  // "at least", "at most", "below"
+
+// A check of the verdict, as numbers.
+struct VerdictCheck {
+  // Why a check is not tested. innovations: the reason of the conclusion says it.
+  enum class Untested {
+    no_predictions,
+    no_varying_output,
+    few_errors,            // numbers: count, of `fewest` errors
+    no_covariance,         // the model states no covariance
+    uncertain_covariance,  // for lack of degrees of freedom
+    unknown_experiments,   // of the identification
+    no_lag_order,
+    without_noise,
+    no_regressions,
+    no_inputs,
+    few_input_samples,
+    no_ranks,
+    no_probability,  // too few samples for a probability
+    innovations
+  };
+
+  std::string name;  // "simulation_fit", …; docs/formats.md lists the names
+  // The check passes if all figures keep their bounds, or with `one_suffices` if one does.
+  std::vector<CheckFigure> figures = {};
+  bool one_suffices = false;
+  std::map<std::string, double> numbers = {};  // others that belong to the figures, for example the step of the largest
+  std::optional<Finding::Experiment> experiment = {};  // the one with the largest error
+  std::optional<Conclusion::Reason> reason = {};       // of a test of the innovations
+  std::optional<Trust> result = {};                    // good: passed; empty: not tested
+  std::optional<Untested> untested = {};               // of a check that is not tested
+  // Why it did not pass. Empty if it passed, or if another check has the reason.
+  std::vector<VerdictReason> reasons = {};
+
+  bool kept() const;  // Do the figures keep their bounds?
+};
+const char* to_string(VerdictCheck::Untested reason);  // "no_predictions", …
+
+// A check in words: what is checked, the figures of these data, and their bounds. `found` gives the reason of a check
+// that is not tested.
+struct CheckWords {
+  std::string subject, found, needed;
+};
+CheckWords in_words(const VerdictCheck& check);
+
+// The checks of the tests of the innovations: whiteness, independence, gains and nis. `v` has their figures.
+std::vector<VerdictCheck> innovation_checks(const Conclusions& conclusions, const Validation& v);
 
 // The verdict, at the top of the page: one sentence of figures, the reasons for the status, and the checks that decide.
 struct Verdict {

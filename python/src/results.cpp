@@ -320,12 +320,27 @@ nb::any object_of(const Verdict& v) {
     nb::list reasons;
     for (const VerdictReason& reason : c.reasons)
       reasons.append(make("VerdictReason", {{"trust", to_string(reason.trust)}, {"text", reason.text}}));
-    checks.append(make("VerdictCheck", {{"name", c.name},
-                                        {"subject", c.subject},
-                                        {"found", c.found},
-                                        {"needed", c.needed},
-                                        {"result", c.result ? nb::cast(to_string(*c.result)) : nb::none()},
-                                        {"reasons", reasons}}));
+    nb::list figures;
+    for (const CheckFigure& figure : c.figures)
+      figures.append(make("CheckFigure", {{"name", figure.name},
+                                          {"values", figure.values},
+                                          {"rule", to_string(figure.rule)},
+                                          {"bound", figure.bound},
+                                          {"distrust", figure.distrust}}));
+    const CheckWords words = in_words(c);
+    checks.append(make("VerdictCheck",
+                       {{"name", c.name},
+                        {"subject", words.subject},
+                        {"found", words.found},
+                        {"needed", words.needed},
+                        {"result", c.result ? nb::cast(to_string(*c.result)) : nb::none()},
+                        {"untested", c.untested ? nb::cast(to_string(*c.untested)) : nb::none()},
+                        {"figures", figures},
+                        {"one_suffices", c.one_suffices},
+                        {"numbers", nb::object(dict_of(c.numbers))},
+                        {"experiment", c.experiment ? nb::object(object_of(*c.experiment)) : nb::object(nb::none())},
+                        {"conclusion", c.reason ? nb::cast(to_string(*c.reason)) : nb::none()},
+                        {"reasons", reasons}}));
   }
   return make("Verdict", {{"trust", to_string(v.trust)},
                           {"summary", v.summary},

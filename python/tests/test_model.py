@@ -188,7 +188,15 @@ def test_report_has_the_checks_of_its_verdict(model, data):
         (reason for check in verdict.checks for reason in check.reasons), key=lambda r: -order.index(r.trust)
     )
     assert verdict.reasons == [reason.text for reason in reasons]
+    rules = {"at least": np.greater_equal, "at most": np.less_equal, "below": np.less}
     for check in verdict.checks:
+        assert (check.result is None) == (check.untested is not None)
+        if check.result is not None:
+            kept = []
+            for figure in check.figures:
+                known = figure.values[~np.isnan(figure.values)]
+                kept.append(known.size > 0 and rules[figure.rule](known, figure.bound).all())
+            assert (any if check.one_suffices else all)(kept) == (check.result == "good")
         assert check.result is None or not check.reasons or check.result == max(
             (reason.trust for reason in check.reasons), key=order.index
         )

@@ -1332,8 +1332,32 @@ class VerdictReason(_Result):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
+class CheckFigure(_Result):
+    """A figure by which a check decides, and its bound.
+
+    Attributes
+    ----------
+    name : str
+        "fit", "p", …; docs/formats.md lists the names.
+    values : ndarray, shape (m,), (1,) or (0,)
+        Fits have one value for each output, NaN for a constant one. Others have one value, or none if it is not known.
+    rule : {"at least", "at most", "below"}
+        What every known value has to be, relative to the bound.
+    bound : float
+    distrust : float
+        A smaller fit leads to distrust. NaN: no such limit.
+    """
+
+    name: str
+    values: Array
+    rule: str
+    bound: float
+    distrust: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class VerdictCheck(_Result):
-    """A check of a verdict, in words.
+    """A check of a verdict, in words and as numbers.
 
     Attributes
     ----------
@@ -1342,9 +1366,21 @@ class VerdictCheck(_Result):
     subject : str
         What is checked.
     found, needed : str
-        The figure of these data, and its bound. `found` has the reason for a check that is not tested.
+        The figures of these data, and their bounds, in words. `found` has the reason for a check that is not tested.
     result : {"good", "look closer", "don't trust", None}
         "good": passed. None: not tested.
+    untested : str or None
+        Why the check is not tested: "no_predictions", …
+    figures : list of CheckFigure
+        The figures of these data, and their bounds.
+    one_suffices : bool
+        Whether the check passes if one figure keeps its bound. Otherwise all have to.
+    numbers : dict of str to float
+        Other numbers that belong to the figures, for example the step with the largest error.
+    experiment : FindingExperiment or None
+        The experiment with the largest error.
+    conclusion : str or None
+        Reason of the conclusion, for tests of the innovations.
     reasons : list of VerdictReason
         Why it did not pass. Empty if it passed, or if another check has the reason.
     """
@@ -1354,6 +1390,12 @@ class VerdictCheck(_Result):
     found: str
     needed: str
     result: Optional[str]
+    untested: Optional[str]
+    figures: list[CheckFigure]
+    one_suffices: bool
+    numbers: dict[str, float]
+    experiment: Optional[FindingExperiment]
+    conclusion: Optional[str]
     reasons: list[VerdictReason]
 
 

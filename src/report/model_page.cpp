@@ -189,47 +189,32 @@ class Report {
         fmt::join(small, ", "));
   }
 
+  // The rules behind the status. The checks have the bounds.
   std::string thresholds() const {
+    std::vector<std::string> distrust;
+    for (const VerdictCheck& check : verdict_.checks)
+      for (const CheckFigure& figure : check.figures)
+        if (!std::isnan(figure.distrust))
+          distrust.push_back(fmt::format("“{}” below {:.0f} %", in_words(check).subject, figure.distrust));
     const std::vector<std::string> rules = {
         fmt::format(
             "The simulation decides. Where the noise that the model states would spoil the simulation of an exact "
             "model too (fit below {:.0f} %, and errors above {:.2f} times those of one step), a bad simulation is "
-            "no fault of the model: "
-            "then predictions decide, over as many steps as an exact model would predict well, up to 100.",
+            "no fault of the model: then predictions decide, over as many steps as an exact model would predict well, "
+            "up to 100.",
             bounds::expected_fit, bounds::like_one_step),
-        fmt::format(
-            "Good: every output has a deciding fit of {:.0f} % or more, and no problem listed below applies. The fit is "
-            "that on experiments that the identification did not use. If it used at least three times as many "
-            "experiments as there are unknowns per output and step, their fit counts too.",
-            bounds::good_fit),
-        fmt::format(
-            "Look closer: a deciding fit from {:.0f} to {:.0f} %; a lower one from {:.0f} % on, where the errors are at most "
-            "{:.2f} times those of an exact model with the noise that the model states; a simulation from 0 % on beside "
-            "predictions over several steps of {:.0f} % or more; inputs that move the deciding predictions by less than {:.1f} "
-            "times their errors; one-step errors of a step above {:.0f} times the median, {:.0f} % of the "
-            "spread of the outputs and {:.0f} times what the model states, or above {:.0f} times those of the "
-            "identification there; errors of an "
-            "experiment above {:.0f} times the median; constant outputs; fewer than {:.0f} % of the model's steps "
-            "tested; nothing simulated; training data whose number is not known; regressions of noisy data "
-            "without full rank; noise, and fewer than two experiments per unknown; fewer than {} "
-            "experiments tested; more than {:.0f} % of the samples missing; condition numbers above {}, or "
-            "with noise above {} and {:.0f} times their median; an input whose spread over the experiments "
-            "falls below {:.0f} % of its median, beyond chance, or that never varies; innovations that are correlated "
-            "beyond chance, in time or with the inputs, and by {:.1f} or more, or whose squares are beyond chance and more "
-            "than {:.0f} times what the model states; inputs whose effect is wrong beyond chance, and changes a simulation "
-            "by {:.0f} % or more, or is not known to {:.0f} %; another sample time or other names than the model's.",
-            bounds::poor_fit, bounds::good_fit, bounds::useless_fit, bounds::as_expected, bounds::good_fit,
-            bounds::inputs_show, bounds::error_peak, 100 * bounds::error_floor, bounds::error_stated,
-            bounds::beyond_noise, outlying_experiment, 100 * bounds::coverage, bounds::few_tested,
-            100 * bounds::many_missing, figure(bounds::ill_conditioned), figure(bounds::worth_a_word),
-            bounds::worse_than_usual, 100 * bounds::weak_input, counts::correlation, counts::overconfident,
-            100 * counts::gain, 100 * counts::gain_unknown),
-        fmt::format("Don’t trust: predictions or a deciding fit below {:.0f} % that the noise of the model does not "
-                    "explain, inputs that never vary "
-                    "beside such a fit, an overflow, or nothing tested.",
-                    bounds::poor_fit)};
+        "Good: every check that can be made has passed. The table of the checks below has each figure and the bound "
+        "that it needs.",
+        "Look closer: a check has not passed. The reasons above say why.",
+        distrust.empty()
+            ? "Don’t trust: nothing was tested."
+            : fmt::format(
+                  "Don’t trust: {}, if the noise that the model states does not explain it; an overflow; inputs "
+                  "that never vary, beside a fit that is not good. Noise explains a fit of {:.0f} % or more "
+                  "whose errors are at most {:.2f} times those of an exact model.",
+                  fmt::join(distrust, " or "), bounds::useless_fit, bounds::as_expected)};
     return "<details class=\"note\"><summary>How the status is decided</summary>" + list(rules, "plain") +
-           "</details>\n";
+           "<p><a href=\"#checks\">All checks with their figures and bounds</a></p></details>\n";
   }
 
   // The checks of the verdict as it decided them, with those that did not pass first.
@@ -248,8 +233,9 @@ class Report {
     Index passed = 0, tested = 0;
     for (const VerdictCheck* check : order) {
       tested += check->result.has_value(), passed += check->result == Trust::good;
-      table.row({check->subject, check->result ? text[static_cast<size_t>(*check->result)] : "–\u00a0not tested",
-                 unbroken(check->found), unbroken(check->needed)},
+      const CheckWords words = in_words(*check);
+      table.row({words.subject, check->result ? text[static_cast<size_t>(*check->result)] : "–\u00a0not tested",
+                 unbroken(words.found), unbroken(words.needed)},
                 check->result.value_or(Trust::good) == Trust::good ? "" : "mark");
     }
     const Index left_out = Index(order.size()) - tested;

@@ -16,6 +16,7 @@
 #include "base/integers.hpp"
 #include "base/nan.hpp"
 #include "base/words.hpp"
+#include "report/verdict_json.hpp"
 
 namespace tokid::report {
 
@@ -687,13 +688,8 @@ class Collector {
   }
 
   void checks(const Verdict& verdict) {
-    json_["checks"] = Json::array();
-    for (const VerdictCheck& check : verdict.checks)
-      json_["checks"].push_back({{"name", check.name},
-                                 {"subject", check.subject},
-                                 {"found", check.found},
-                                 {"needed", check.needed},
-                                 {"result", check.result ? Json(to_string(*check.result)) : Json()}});
+    json_["verdict"] = json_of(verdict);
+    json_["checks"] = json_of(verdict.checks);
   }
 
   const Model& model_;

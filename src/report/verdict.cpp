@@ -1,11 +1,12 @@
-// Turns the numbers of a report into a verdict in plain words.
+// Turns the numbers of a report into the checks of a verdict, with their reasons in plain words.
 // SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cctype>
 #include <cmath>
-#include <functional>
+#include <limits>
+#include <optional>
 
 #include "model/comparison.hpp"
 #include "report/evidence.hpp"
@@ -51,78 +52,7 @@ std::string capital(std::string text) {
   return text;
 }
 
-// "2 of 3 outputs"
-std::string count_of(Index count, Index all, std::string_view noun) {
-  return fmt::format("{} of {}", count, plural(all, noun));
-}
-
-// The figures that decided a test of the innovations, and their bounds.
-struct Decision {
-  std::string found, needed;
-};
-
-// The gains have their figures as shares of the simulated output. `gains`: of all inputs of the model.
-Decision gains_decision(const Conclusion& c, const InputGains& gains) {
-  using Reason = Conclusion::Reason;
-  double error = 0.0, interval = 0.0;  // the largest ones, as shares of the simulated output
-  for (size_t i = 0; i < c.channels.size(); ++i) {
-    const double share = std::min(1.0, gains.share(c.channels[i].index));
-    error = std::max(error, std::abs(c.errors[i]) * share);
-    interval = std::max(interval, share > 0 ? c.intervals[i] * share : 0.0);
-  }
-  const auto share_text = [](double share) {
-    return std::isfinite(share) ? fmt::format("{} %", figure(100 * share, 3)) : std::string("all");
-  };
-  if (c.reason == Reason::gains_unknown)
-    return {fmt::format("99 % interval of ± {} of the simulation", share_text(interval)),
-            fmt::format("± {:.0f} % or less", 100 * counts::gain_unknown)};
-  if (c.reason == Reason::gains_wrong)
-    return {fmt::format("significant error of {} of the simulation", share_text(error)),
-            fmt::format("no significant error, or one below {:.0f} %", 100 * counts::gain)};
-  if (c.reason == Reason::gains_lost_in_noise)
-    return {fmt::format("99 % interval of ± {} of the simulation, no significant error", share_text(interval)),
-            fmt::format("± {:.0f} % or less, and no significant error of {:.0f} % or more", 100 * counts::gain_unknown,
-                        100 * counts::gain)};
-  return {
-      fmt::format("99 % interval of ± {} of the effect, no significant error", share_text(c.numbers.at("interval"))),
-      fmt::format("no significant error of {:.0f} % of the simulation or more", 100 * counts::gain)};
-}
-
-// The reason of the conclusion selects the words, so that they state the rule that decided.
-Decision decision(const Conclusion& c, const Validation& v) {
-  using Reason = Conclusion::Reason;
-  const auto number = [&](const char* key) { return c.numbers.at(key); };
-  const std::string by_chance = fmt::format("p of {} or more", unlikely);
-  const std::string small = fmt::format("a correlation below {:.1f}", counts::correlation);
-  switch (c.reason) {
-    case Reason::white:
-    case Reason::inputs_explain_nothing:
-      return {probability(number("p")), by_chance};
-    case Reason::correlated:
-    case Reason::inputs_explain_part:
-      return {fmt::format("{}, correlation {}", probability(number("p")), figure(number("correlation"), 3)),
-              fmt::format("{}, or {}", by_chance, small)};
-    case Reason::correlated_on_average:
-      return {
-          fmt::format("correlation {} on average over the steps, beyond its bound", figure(number("correlation"), 3)),
-          fmt::format("no correlation beyond 1.5 times its bound, or {}", small)};
-    case Reason::size_as_stated:
-    case Reason::size_of_experiments:
-      return {fmt::format("{} times, {}", figure(number("ratio"), 3), probability(number("p"))),
-              fmt::format("{:.0f} times the stated covariance or less, for p of {} or more", NormalisedSquares::wild,
-                          unlikely)};
-    case Reason::size_slightly_smaller:
-    case Reason::size_smaller:
-    case Reason::size_slightly_larger:
-    case Reason::size_larger:
-    case Reason::size_overconfident:
-      return {
-          fmt::format("{} times, {}", figure(number("ratio"), 3), probability(number("p"))),
-          fmt::format("{:.0f} times the stated covariance or less, for p below {}", counts::overconfident, unlikely)};
-    default:
-      return gains_decision(c, v.gains);
-  }
-}
+std::vector<double> values_of(const Vector& fits) { return {fits.begin(), fits.end()}; }
 
 // Makes the checks in their order. The most severe check determines the status.
 class Assessment {
@@ -160,13 +90,21 @@ class Assessment {
 
  private:
   using Check = VerdictCheck;
+  using Rule = CheckFigure::Rule;
+  using Untested = Check::Untested;
 
   // A check that has passed until something speaks against the model.
-  static Check check(std::string name, std::string subject, std::string found, std::string needed) {
-    return {std::move(name), std::move(subject), std::move(found), std::move(needed), Trust::good, {}};
+  static Check check(std::string name, CheckFigure figure) {
+    Check result;
+    result.name = std::move(name);
+    result.figures.push_back(std::move(figure));
+    result.result = Trust::good;
+    return result;
   }
-  static Check untested(std::string name, std::string subject, std::string why, std::string needed) {
-    return {std::move(name), std::move(subject), std::move(why), std::move(needed), std::nullopt, {}};
+  static Check untested(Check check, Untested why) {
+    check.result.reset();
+    check.untested = why;
+    return check;
   }
   static void against(Check& check, Trust trust, std::string reason) {
     check.result = std::max(check.result.value_or(trust), trust);
@@ -244,13 +182,18 @@ class Assessment {
     return found_.names.output(worst);
   }
 
-  // The bound of the fits that decide.
-  static std::string good_fit() { return fmt::format("{:.0f} % or more for every output", bounds::good_fit); }
+  // The figures of fits. An overflow is worse than every fit.
+  static CheckFigure fit_figure(const Vector& fits, const Fit& of, double bound) {
+    CheckFigure figure{"fit", values_of(fits), Rule::at_least, bound, bounds::poor_fit};
+    for (Index j = 0; of.samples > 0 && j < fits.size(); ++j)
+      if (!std::isfinite(of.rmse(j))) figure.values[size_t(j)] = -std::numeric_limits<double>::infinity();
+    return figure;
+  }
 
   Check simulation_check() const {
     const Validation& v = found_.validation;
     const double simulation = least(simulation_), ahead = least(of_moving(v.horizon.fit));
-    Check result = check("simulation_fit", "Simulation fit, which decides", percent_range(simulation_), good_fit());
+    Check result = check("simulation_fit", fit_figure(simulation_, v.simulation, bounds::good_fit));
     if (v.simulation.samples == 0) {
       against(result, Trust::look_closer, "Nothing was simulated: the initial states could not be estimated.");
       return result;
@@ -264,7 +207,7 @@ class Assessment {
               "No output varies over the simulated steps, so that the fit of the simulation says nothing.");
       return result;
     }
-    if (simulation >= bounds::good_fit) return result;
+    if (result.kept()) return result;
     const std::string output = name_of_worst(simulation_);
     const double exact = least(of_moving(found_.deciding.expected_simulation));
     const std::string promise =
@@ -300,8 +243,8 @@ class Assessment {
     const DecidingHorizon& h = found_.deciding;
     const double fit = least(deciding_);
     const std::string ahead = plural(h.steps, "step") + " ahead";
-    Check result = check("prediction_fit", fmt::format("Prediction fit {}, which decides", ahead),
-                         percent_range(deciding_), good_fit());
+    Check result = check("prediction_fit", fit_figure(deciding_, h.fit, bounds::good_fit));
+    result.numbers = {{"horizon", double(h.steps)}};
     const std::string found =
         fmt::format("Predictions {} fit output {} to {}", ahead, name_of_worst(deciding_), percent(fit));
     const std::string exact = fmt::format("those of an exact model would fit {}", percent_range(of_moving(h.expected)));
@@ -311,21 +254,20 @@ class Assessment {
       against(
           result, Trust::look_closer,
           fmt::format("No output varies over the steps of the predictions {}, so that their fit says nothing.", ahead));
-    else if (fit < bounds::good_fit && noise_explains(deciding_, h.expected))
+    else if (!result.kept() && noise_explains(deciding_, h.expected))
       against(result, Trust::look_closer,
               fmt::format("{}, and the noise that the model states allows no more.", found));
     else if (fit < bounds::poor_fit)
       against(result, Trust::distrust, fmt::format("{} only; {}.", found, exact));
-    else if (fit < bounds::good_fit)
+    else if (!result.kept())
       against(result, Trust::look_closer, fmt::format("{}; {}.", found, exact));
     return result;
   }
 
   Check input_effect_check() const {
     const DecidingHorizon& h = found_.deciding;
-    Check result = check("input_effect", "Effect of the inputs on the predictions, relative to the prediction error",
-                         figure(h.inputs, 3), fmt::format("{:.1f} or more", bounds::inputs_show));
-    if (h.inputs < bounds::inputs_show)
+    Check result = check("input_effect", {"effect_over_error", {h.inputs}, Rule::at_least, bounds::inputs_show});
+    if (!result.kept())
       against(result, Trust::look_closer,
               fmt::format(
                   "The effect of the inputs within {} is less than {:.1f} times the errors of the predictions: these "
@@ -345,10 +287,9 @@ class Assessment {
   bool fits() {
     const Validation& v = found_.validation;
     const Index moving = model_.outputs - Index(found_.constant_outputs.size());
-    Check outputs = check("outputs", "Outputs that vary and have samples to compare",
-                          count_of(moving, model_.outputs, "output"), "all");
+    Check outputs = check("outputs", {"varying", {double(moving)}, Rule::at_least, double(model_.outputs)});
     if (v.simulation.samples == 0 && v.one_step.samples == 0) {
-      outputs.found = "no samples";
+      outputs.figures.front().values.clear();
       nothing_tested(std::move(outputs),
                      fmt::format("Nothing was tested: no output of {} could be compared with the model.", tested()),
                      "No output sample has both a measured and a computed value.");
@@ -384,15 +325,14 @@ class Assessment {
 
   Check one_step_check() const {
     const Validation& v = found_.validation;
-    const std::string needed = fmt::format("{:.0f} % or more for every output", bounds::poor_fit);
-    if (v.one_step.samples == 0) return untested("one_step_fit", "One-step prediction fit", "no predictions", needed);
-    Check result = check("one_step_fit", "One-step prediction fit", percent_range(one_step_), needed);
+    Check result = check("one_step_fit", fit_figure(one_step_, v.one_step, bounds::poor_fit));
+    if (v.one_step.samples == 0) return untested(std::move(result), Untested::no_predictions);
     const double one_step = least(one_step_);
     if (v.one_step.rmse.allFinite() && std::isinf(one_step))
-      return untested("one_step_fit", "One-step prediction fit", "no output varies over the predicted steps", needed);
+      return untested(std::move(result), Untested::no_varying_output);
     if (!v.one_step.rmse.allFinite())
       against(result, Trust::distrust, "The predictions overflow: the observer does not follow these data.");
-    else if (one_step < bounds::poor_fit) {
+    else if (!result.kept()) {
       const bool noise = noise_explains(one_step_, found_.deciding.expected_one_step);
       against(result, noise ? Trust::look_closer : Trust::distrust,
               fmt::format("One-step predictions fit output {} to {} only{}.", name_of_worst(one_step_),
@@ -401,34 +341,38 @@ class Assessment {
     return result;
   }
 
-  // "0.43 at step 12", the largest of the values. At least one of them is known.
-  static std::string largest(const std::vector<double>& values, const std::function<std::string(Index)>& name) {
-    Index most = -1;
+  // Where the largest of the values is; empty if none is known.
+  static std::optional<Index> largest(const std::vector<double>& values) {
+    std::optional<Index> most;
     for (size_t i = 0; i < values.size(); ++i)
-      if (!std::isnan(values[i]) && (most < 0 || values[i] > values[size_t(most)])) most = Index(i);
-    return fmt::format("{} at {}", figure(values[size_t(most)], 3), name(most));
+      if (!std::isnan(values[i]) && (!most || values[i] > values[size_t(*most)])) most = Index(i);
+    return most;
   }
-  static std::string step_name(Index k) { return fmt::format("step {}", k); }
 
-  // Why the largest of some errors is not compared with their median; empty if it is. The upper median of one or two
-  // values is the largest of them, so that none can exceed a multiple of it.
-  static std::string no_median(const std::vector<double>& values, std::string_view noun) {
+  // A check of the largest of some errors.
+  static Check largest_check(std::string name, const char* quantity, const std::vector<double>& errors, double bound) {
+    Check result = check(std::move(name), {quantity, {}, Rule::at_most, bound});
+    if (const std::optional<Index> most = largest(errors)) result.figures.front().values = {errors[size_t(*most)]};
+    return result;
+  }
+
+  // Leaves out a check of too few errors for their median. The upper median of one or two values is the largest of
+  // them, so that none can exceed a multiple of it.
+  static bool few_errors(Check& check, const std::vector<double>& errors) {
     constexpr Index fewest = 3;
-    const Index known = std::count_if(values.begin(), values.end(), [](double v) { return !std::isnan(v); });
-    if (known == 0) return "no errors known";
-    return known < fewest ? fmt::format("errors of {} only, at least {} needed", plural(known, noun), fewest) : "";
+    const Index known = std::count_if(errors.begin(), errors.end(), [](double v) { return !std::isnan(v); });
+    if (known >= fewest || (known > 0 && !check.kept())) return false;
+    check.numbers["count"] = double(known);
+    check.numbers["fewest"] = double(fewest);
+    check = untested(std::move(check), Untested::few_errors);
+    return true;
   }
 
   Check error_peak_check() const {
-    const char* subject = "Largest one-step error of a step, relative to its limit";
-    const std::string needed = fmt::format(
-        "1 or less; the limit is the largest of {:.0f} times the median, {:.0f} % of the spread of the "
-        "outputs and {:.0f} times what the model states",
-        bounds::error_peak, 100 * bounds::error_floor, bounds::error_stated);
-    if (const std::string why = no_median(found_.step_excess, "step"); !why.empty() && found_.error_peaks.empty())
-      return untested("error_peaks", subject, why, needed);
-    Check result = check("error_peaks", subject, largest(found_.step_excess, step_name), needed);
-    if (!found_.error_peaks.empty())
+    Check result = largest_check("error_peaks", "error_over_limit", found_.step_excess, 1.0);
+    if (const auto step = largest(found_.step_excess)) result.numbers["step"] = double(*step);
+    if (few_errors(result, found_.step_excess)) return result;
+    if (!result.kept())
       against(result, Trust::look_closer,
               fmt::format("One-step errors at {} are more than {:.0f} times the median.", step_list(found_.error_peaks),
                           bounds::error_peak));
@@ -436,15 +380,13 @@ class Assessment {
   }
 
   Check beyond_noise_check() const {
-    const char* subject = "Largest one-step error of a step, relative to that of the identification";
-    const std::string needed = fmt::format("{:.0f} or less", bounds::beyond_noise);
-    if (std::all_of(found_.noise_excess.begin(), found_.noise_excess.end(), [](double e) { return std::isnan(e); }))
-      return untested("beyond_noise", subject,
-                      model_.has(&Step::has_innovation_cov) ? "no covariance that is certain enough"
-                                                            : "the model states no covariance",
-                      needed);
-    Check result = check("beyond_noise", subject, largest(found_.noise_excess, step_name), needed);
-    if (!found_.beyond_noise.empty())
+    Check result = largest_check("beyond_noise", "error_over_stated", found_.noise_excess, bounds::beyond_noise);
+    const std::optional<Index> step = largest(found_.noise_excess);
+    if (!step)
+      return untested(std::move(result),
+                      model_.has(&Step::has_innovation_cov) ? Untested::uncertain_covariance : Untested::no_covariance);
+    result.numbers["step"] = double(*step);
+    if (!result.kept())
       against(result, Trust::look_closer,
               fmt::format(
                   "One-step errors at {} are more than {:.0f} times the errors of the identification at these steps.",
@@ -453,21 +395,15 @@ class Assessment {
   }
 
   Check outlier_check() const {
-    const char* subject = "Largest error of an experiment, in simulation or prediction, relative to its limit";
-    const std::string needed = fmt::format(
-        "1 or less; the limit is the larger of {:.0f} times the median and {:.0f} % of the spread of the "
-        "outputs",
-        outlying_experiment, 100 * least_outlying_error);
     const std::vector<double> excess(found_.fits.excess.begin(), found_.fits.excess.end());
     std::vector<Index> outlying;
     for (Index n = 0; n < found_.experiments; ++n)
       if (found_.fits.outlying(n)) outlying.push_back(n);
-    if (const std::string why = no_median(excess, "experiment"); !why.empty() && outlying.empty())
-      return untested("outliers", subject, why, needed);
-    Check result =
-        check("outliers", subject,
-              largest(excess, [&](Index n) { return fmt::format("experiment {}", found_.experiment(n)); }), needed);
-    if (!outlying.empty())
+    Check result = largest_check("outliers", "error_over_limit", excess, 1.0);
+    if (const auto worst = largest(excess))
+      result.experiment = {found_.rows[size_t(*worst)], found_.experiment_names[size_t(*worst)]};
+    if (few_errors(result, excess)) return result;
+    if (!result.kept())
       against(result, Trust::look_closer,
               fmt::format(
                   "Errors of {} are more than {:.0f} times the median of all experiments: look for other conditions, a "
@@ -478,10 +414,10 @@ class Assessment {
 
   Check coverage_check() const {
     const Index tested = model_.steps() - Index(found_.untested.size());
-    Check result = check("coverage", "Steps of the model that the data test", count_of(tested, model_.steps(), "step"),
-                         fmt::format("{:.0f} % or more", 100 * bounds::coverage));
     const double share = 1 - double(found_.untested.size()) / double(std::max<Index>(1, model_.steps()));
-    if (share < bounds::coverage)
+    Check result = check("coverage", {"share", {share}, Rule::at_least, bounds::coverage});
+    result.numbers = {{"tested", double(tested)}, {"steps", double(model_.steps())}};
+    if (!result.kept())
       against(result, Trust::look_closer,
               fmt::format("The data test only {} of the model's {}; they do not test {}.", tested,
                           plural(model_.steps(), "step"), step_list(found_.untested)));
@@ -490,16 +426,14 @@ class Assessment {
 
   void test_data() {
     add(training_check());
-    Check missing = check("missing", "Missing samples",
-                          found_.missing == 0 ? "none" : fmt::format("{} %", figure(100 * found_.missing_share, 2)),
-                          fmt::format("{:.0f} % or less", 100 * bounds::many_missing));
-    if (found_.missing_share > bounds::many_missing)
+    Check missing = check("missing", {"share", {found_.missing_share}, Rule::at_most, bounds::many_missing});
+    if (!missing.kept())
       against(missing, Trust::look_closer,
               fmt::format("{:.0f} % of the samples are missing.", 100 * found_.missing_share));
     add(std::move(missing));
-    Check experiments = check("experiments", "Experiments tested", fmt::format("{}", found_.experiments),
-                              fmt::format("{} or more", bounds::few_tested));
-    if (found_.experiments < bounds::few_tested)
+    Check experiments =
+        check("experiments", {"count", {double(found_.experiments)}, Rule::at_least, double(bounds::few_tested)});
+    if (!experiments.kept())
       against(experiments, Trust::look_closer,
               fmt::format("Only {} tested.", found_.experiments == 1 ? "one experiment was" : "two experiments were"));
     add(std::move(experiments));
@@ -509,25 +443,24 @@ class Assessment {
   Check training_check() const {
     const Index from = found_.samples, unknowns = found_.unknowns;
     const bool training = options_.evaluation == Evaluation::training;
-    const char* subject = "Experiments of the identification for each unknown";
-    const std::string needed =
-        fmt::format("{} or more{}", training ? bounds::training_samples : bounds::samples,
-                    training ? ", because the model is tested on the data that it was identified from" : "");
-    if (from == 0 && !training) return untested("samples", subject, "not known", needed);
-    if (from > 0 && unknowns == 0) return untested("samples", subject, "the model has no lag order", needed);
-    if (!training && !found_.noisy) return untested("samples", subject, "data without noise", needed);
-    Check result =
-        check("samples", subject, from == 0 ? "not known" : figure(double(from) / double(unknowns), 3), needed);
+    Check result = check(
+        "samples",
+        {"experiments_per_unknown", {}, Rule::at_least, double(training ? bounds::training_samples : bounds::samples)});
+    result.numbers = {{"training", training ? 1.0 : 0.0}};
+    if (from > 0 && unknowns > 0) result.figures.front().values = {double(from) / double(unknowns)};
+    if (from == 0 && !training) return untested(std::move(result), Untested::unknown_experiments);
+    if (from > 0 && unknowns == 0) return untested(std::move(result), Untested::no_lag_order);
+    if (!training && !found_.noisy) return untested(std::move(result), Untested::without_noise);
     if (from == 0)
       against(result, Trust::look_closer,
               "Tested only on training data, and the number of training experiments is not known: test on new "
               "experiments.");
-    else if (training && from < bounds::training_samples * unknowns)
+    else if (training && !result.kept())
       against(result, Trust::look_closer,
               fmt::format("Tested only on training data, {} for {} unknowns per output and step: such a fit proves "
                           "little. Hold experiments back, or measure new ones.",
                           plural(found_.identified_from, "experiment"), unknowns));
-    else if (!training && from < bounds::samples * unknowns)
+    else if (!result.kept())
       against(result, Trust::look_closer,
               fmt::format("Identified from {} for {} unknowns per output and step: noise is hardly averaged out of "
                           "the model. Use {} or more.",
@@ -573,10 +506,8 @@ class Assessment {
 
   Check condition_check(const std::vector<Index>& explained, const std::vector<Index>& unexplained,
                         const std::vector<const WeakInput*>& causes) {
-    const char* subject = "Largest condition number of a regression";
-    const std::string needed = fmt::format("{} or less", figure(found_.condition_limit, 3));
-    if (std::isnan(found_.condition_max)) return untested("condition", subject, "the model has none", needed);
-    Check result = check("condition", subject, figure(found_.condition_max, 3), needed);
+    Check result = check("condition", {"condition", {found_.condition_max}, Rule::at_most, found_.condition_limit});
+    if (std::isnan(found_.condition_max)) return untested(std::move(result), Untested::no_regressions);
     const auto ill = [](const std::vector<Index>& steps) {
       return fmt::format("{} {} ill-conditioned", capital(step_list(steps)), steps.size() == 1 ? "is" : "are");
     };
@@ -608,20 +539,12 @@ class Assessment {
 
   // The reasons of condition_check() name an input that explains an ill-conditioned step.
   Check weak_input_check(const std::vector<const WeakInput*>& causes) {
-    const char* subject = found_.inputs_over_time ? "Inputs that vary over time or between the experiments"
-                                                  : "Inputs that vary between the experiments at every step";
-    if (model_.inputs == 0) return untested("inputs", subject, "the model has no inputs", "all");
-    if (found_.assessed_inputs == 0)
-      return untested("inputs", subject,
-                      found_.inputs_over_time ? "too few samples of the inputs"
-                                              : "samples of fewer than 3 experiments at every step",
-                      "all");
-    const Index varying = found_.assessed_inputs - Index(found_.weak_inputs.size());
-    Check result = check("inputs", subject, count_of(varying, found_.assessed_inputs, "input"), "all");
-    if (found_.assessed_inputs < model_.inputs)
-      result.found +=
-          fmt::format(", too few samples of {}", plural(model_.inputs - found_.assessed_inputs, "other input"));
-    if (!causes.empty()) result.result = Trust::look_closer;
+    const double varying = double(found_.assessed_inputs - Index(found_.weak_inputs.size()));
+    Check result = check("inputs", {"varying", {varying}, Rule::at_least, double(found_.assessed_inputs)});
+    result.numbers = {{"inputs", double(model_.inputs)}, {"over_time", found_.inputs_over_time ? 1.0 : 0.0}};
+    if (model_.inputs == 0) return untested(std::move(result), Untested::no_inputs);
+    if (found_.assessed_inputs == 0) return untested(std::move(result), Untested::few_input_samples);
+    if (!result.kept()) result.result = Trust::look_closer;
     for (const WeakInput& weak : found_.weak_inputs) {
       if (std::find(causes.begin(), causes.end(), &weak) != causes.end()) continue;
       const std::string text = capital(constancy(weak));
@@ -639,13 +562,11 @@ class Assessment {
   }
 
   Check rank_check() const {
-    const char* subject = "Regressions without full rank";
-    const std::string needed = fmt::format("{} or fewer, the lag order", found_.lags);
-    if (!model_.has(&Step::has_rank)) return untested("rank", subject, "the model has no ranks", needed);
-    const std::string steps = plural(Index(found_.deficient.size()), "step");
-    if (!found_.noisy) return untested("rank", subject, steps + ", which is usual without noise", needed);
-    Check result = check("rank", subject, steps, needed);
-    if (!found_.deficient.empty() && Index(found_.deficient.size()) > found_.lags)
+    Check result = check("rank", {"steps", {}, Rule::at_most, double(found_.lags)});
+    if (!model_.has(&Step::has_rank)) return untested(std::move(result), Untested::no_ranks);
+    result.figures.front().values = {double(found_.deficient.size())};
+    if (!found_.noisy) return untested(std::move(result), Untested::without_noise);
+    if (!result.kept())
       against(result, Trust::look_closer,
               fmt::format("The regressions of {} lack full rank: some effects can't be separated, and the solution of "
                           "smallest norm is used.",
@@ -654,37 +575,14 @@ class Assessment {
   }
 
   void differences() {
-    Check result = check(
-        "channels", "Sample time and names of the channels",
-        found_.differences.empty() ? "those of the model" : plural(Index(found_.differences.size()), "difference"),
-        "those of the model");
+    Check result = check("channels", {"differences", {double(found_.differences.size())}, Rule::at_most, 0.0});
     for (const std::string& text : in_words(found_.differences))
       against(result, Trust::look_closer, capital(text) + ".");
     add(std::move(result));
   }
 
   void innovations() {
-    const Conclusions& c = found_.conclusions;
-    const auto test = [&](const char* subject, const Conclusion& conclusion, std::string_view rule) {
-      const char* name = to_string(conclusion.test);
-      if (conclusion.result == TestResult::untested) {
-        add(untested(name, subject, in_words(conclusion), std::string(rule)));
-        return;
-      }
-      if (const auto p = conclusion.numbers.find("p"); p != conclusion.numbers.end() && std::isnan(p->second)) {
-        add(untested(name, subject, "too few samples for a probability", std::string(rule)));
-        return;
-      }
-      Decision decided = decision(conclusion, found_.validation);
-      Check result = check(name, subject, std::move(decided.found), std::move(decided.needed));
-      if (conclusion.result == TestResult::against)
-        against(result, Trust::look_closer, fmt::format("{}: {}.", subject, in_words(conclusion)));
-      add(std::move(result));
-    };
-    test("Whiteness of the innovations", c.whiteness, "no correlation in time");
-    test("Inputs and innovations", c.independence, "no correlation with past and present inputs");
-    test("Effects of the inputs", c.gains, "those of the model");
-    test("Squared innovations", c.nis, "those that the model states");
+    for (Check& check : innovation_checks(found_.conclusions, found_.validation)) add(std::move(check));
   }
 
   const Model& model_;

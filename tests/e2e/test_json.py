@@ -159,6 +159,8 @@ def test_validate(tokid, oscillator):
                   "outlying_samples": lambda v: v == [], "gain_errors": lambda v: v == [None, None], "gain_deviations": lambda v: v == [None, None],
                   "conclusions": lambda v: {test: (c["result"], c["reason"]) for test, c in v.items()} == dict.fromkeys(
                       ["nis", "whiteness", "independence", "gains", "feedback"], ("untested", "rounding_level")),
+                  "checks": lambda v: {c["name"]: (c["result"], c["untested"], c["conclusion"]) for c in v} == dict.fromkeys(
+                      ["whiteness", "independence", "gains", "nis"], (None, "innovations", "rounding_level")),
                   "nis_presumes_normal": lambda v: v is None, "cross_validation": lambda v: v is None, "horizon": lambda v: v == 3, "warnings": texts, "findings": findings,
                   "first_predicted": lambda v: v == 0, "output_names": lambda v: v == ["y1", "y2"],
                   # Errors at rounding level: 10 times their median is below 0.05.

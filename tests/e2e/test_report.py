@@ -263,6 +263,34 @@ def test_checks_decide_the_verdict(tokid, oscillator, tmp_path):
         found = {check["name"]: check["found"] for check in checks}
         assert found["experiments"] == str(len(np.load(data)["u"]))
         assert found["missing"] == "none"
+        # The numbers alone decide, and say the same.
+        for check in checks:
+            assert (check["result"] is None) == (check["untested"] is not None)
+            if check["result"] is not None:
+                assert passes(check) == (check["result"] == "good"), check["name"]
+        figures = {check["name"]: check["figures"][0] for check in checks if check["figures"]}
+        assert figures["experiments"] == {"name": "count", "values": [len(np.load(data)["u"])], "rule": "at least", "bound": 3,
+                                          "kept": len(np.load(data)["u"]) >= 3}
+        assert figures["one_step_fit"]["bound"] == figures["one_step_fit"]["distrust"] == 50
+        # The page has all reasons, and `report --json` and `validate --json` the same checks.
+        verdict, told = data_of(page)["verdict"], tokid.json("report", oscillator / "model.npz", data, "-o", page)
+        reasons = [reason["text"] for check in checks for reason in check["reasons"]]
+        assert sorted(verdict["reasons"]) == sorted(reasons) == sorted(told["reasons"])
+        assert told["checks"] == checks and {key: told[key] for key in verdict} == verdict
+        if data != tmp_path / "bad.npz":
+            validated = tokid.json("validate", oscillator / "model.npz", data)["checks"]
+            assert validated == [check for check in checks if check["name"] in ("whiteness", "independence", "gains", "nis")]
+
+
+def passes(check):
+    """Whether the figures of a check keep their bounds."""
+    def kept(figure):
+        known = [value for value in figure["values"] if value is not None]
+        keeps = {"at least": lambda v: v >= figure["bound"], "at most": lambda v: v <= figure["bound"],
+                 "below": lambda v: v < figure["bound"]}[figure["rule"]]
+        assert figure["kept"] == (bool(known) and all(map(keeps, known)))
+        return figure["kept"]
+    return (any if check["one_suffices"] else all)(map(kept, check["figures"]))
 
 
 def test_all_experiments_are_shown_the_worst_first(tokid, oscillator, tmp_path):
