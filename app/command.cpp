@@ -16,6 +16,16 @@ CLI::Option* described(CLI::Option* option, const char* type) {
 
 std::vector<std::string> split_at_commas(const std::string& text) { return CLI::detail::split(text, ','); }
 
+std::optional<std::vector<Index>> parse_steps(const std::string& text) {
+  std::vector<Index> result;
+  for (const std::string& part : split_at_commas(text)) {
+    const std::optional<Index> step = parse_number<Index>(part, 0, std::numeric_limits<Index>::max());
+    if (!step) return std::nullopt;
+    result.push_back(*step);
+  }
+  return result;
+}
+
 Command::Command(CLI::App& tool, const char* name, const char* description, const char* example)
     : parser_(tool.add_subcommand(name, description)) {
   parser_->group("Commands");

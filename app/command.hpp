@@ -35,6 +35,8 @@ std::optional<T> parse_number(const std::string& text, T smallest, T largest) {
 }
 
 std::vector<std::string> split_at_commas(const std::string& text);
+// "0,20,50"; empty if the text is not such a list
+std::optional<std::vector<Index>> parse_steps(const std::string& text);
 
 template <class T>
 using Choices = std::vector<std::pair<std::string, T>>;

@@ -34,16 +34,6 @@ struct Table {
   std::optional<ModeBounds> bounds;
 };
 
-std::optional<std::vector<Index>> parse_steps(const std::string& text) {
-  std::vector<Index> result;
-  for (const std::string& part : split_at_commas(text)) {
-    const std::optional<Index> step = parse_number<Index>(part, 0, std::numeric_limits<Index>::max());
-    if (!step) return std::nullopt;
-    result.push_back(*step);
-  }
-  return result;
-}
-
 // Rows of the table: the stated steps, or steps at even distances.
 std::vector<Index> rows_of(const Call& call, const Modes& modes) {
   std::vector<Index> result;

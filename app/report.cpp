@@ -32,7 +32,7 @@ void run(const Call& call) {
     ConfidenceOptions bounds;
     bounds.execution.threads = call.threads;
     bounds.execution.progress = bar.callback();
-    options.bands = about(call.identified, [&] { return response_bands(model, identified, bounds); });
+    options.bands = about(call.identified, [&] { return response_bands(model, identified, bounds, call.options.at); });
   }
   const ReportPage page = about(call.data, [&] { return report_page(model, data, options); });
   save_text(page.html, call.output);
@@ -76,6 +76,9 @@ void add_report(CLI::App& tool) {
   command.file(
       "--bands", call->identified,
       "Ensemble of the identification, for 95 % bands of the responses by a bootstrap: .npz, .h5, .mat or .csv");
+  command.value("--at", call->options.at, "K,...",
+                "Steps of the pulse, step and frozen frequency responses (default: steps at even distances)",
+                parse_steps, "steps separated by commas needed, such as 0,20,50");
   command.threads(call->threads);
   command.flag("--json", call->json, "Print the verdict and its checks as one JSON object");
   command.runs([call] { run(*call); });

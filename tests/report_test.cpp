@@ -994,6 +994,66 @@ TEST(Responses, StartWithinTheModelAndAreFewForManyChannels) {
     }
 }
 
+// Steps that the caller chooses, in order and each once. Later ones of a periodic model are like earlier ones.
+TEST(Responses, StartAtTheChosenSteps) {
+  Model model = random_system({2, 1, 2}, 40, 0.9, 3);
+  model.k_begin = 5;
+  EXPECT_EQ(report::response_starts(model, {44, 7, 20, 7}), (std::vector<Index>{7, 20, 44}));
+  const report::Responses late = report::responses(model, {44}, 3);
+  EXPECT_TRUE(late.pulse.front().row(0).allFinite() && late.pulse.front().row(1).array().isNaN().all());
+  for (const Index wrong : {-1, 4, 45}) {
+    try {
+      report::response_starts(model, {20, wrong});
+      ADD_FAILURE() << wrong;
+    } catch (const std::invalid_argument& error) {
+      EXPECT_TRUE(contains(error.what(), fmt::format("at: step {} found, 5 to 44 needed", wrong))) << error.what();
+    }
+  }
+  std::vector<Index> many;
+  for (Index k = 5; k < 30; ++k) many.push_back(k);
+  EXPECT_THROW(report::response_starts(model, many), std::invalid_argument);
+  many.pop_back();
+  EXPECT_EQ(report::response_starts(model, many), many);
+  const Model wide = random_system({2, 40, 40}, 40, 0.5, 3);
+  EXPECT_THROW(report::response_starts(wide, {3, 4}), std::invalid_argument);
+  EXPECT_EQ(report::response_starts(wide, {3}), (std::vector<Index>{3}));
+  Model period = constant_system({3, 2, 2}, 12, 0.8, 6);
+  period.period = 1;
+  EXPECT_EQ(report::responses(period, {100}, 5).pulse, report::responses(period, {0}, 5).pulse);
+  EXPECT_EQ(report::response_starts(period, {100}), (std::vector<Index>{100}));
+}
+
+TEST(Responses, OfFrozenStepsAreThoseThatWereAsked) {
+  const Model model = constant_system({3, 2, 2}, 40, 0.8, 6);
+  const std::optional<Modes> modes = report::modes_of_page(model);
+  ASSERT_TRUE(modes);
+  const report::FrozenResponses found = report::frozen_responses(model, *modes, {0, 20, 25});
+  EXPECT_EQ(found.steps, (std::vector<Index>{20, 25}));
+  EXPECT_EQ(found.left_out, (std::vector<Index>{0}));  // no window of outputs lies around it
+  // Another model at the same steps and frequencies, which need not be its own ones.
+  const Model other = constant_system({3, 2, 2}, 60, 0.7, 7);
+  const auto theirs = report::frozen_responses_of(other, found, model.dt);
+  ASSERT_EQ(theirs.size(), 2u);
+  const auto expected = frequency_response(other.at(20), model.dt, found.frequencies);
+  // The frozen system of a constant one is that system in coordinates of its outputs. Its rounding errors grow by the
+  // condition of a window of outputs, below 1e4 here.
+  for (size_t i = 0; i < expected.size(); ++i)
+    EXPECT_LE((theirs[0][i] - expected[i]).cwiseAbs().maxCoeff(), 1e-11 * expected[i].cwiseAbs().maxCoeff());
+  const Model brief = constant_system({3, 2, 2}, 22, 0.7, 7);
+  EXPECT_TRUE(report::frozen_responses_of(brief, found, model.dt)[1].empty());
+}
+
+TEST(Responses, PhasesHaveNoJumps) {
+  std::vector<Eigen::MatrixXcd> response;
+  for (int i = 0; i < 200; ++i) response.push_back(Eigen::MatrixXcd::Constant(1, 1, std::polar(2.0, -0.1 * double(i))));
+  const report::FrozenCurves found = report::frozen_curves({response, {}});
+  for (Index i = 0; i < 200; ++i) {
+    EXPECT_NEAR(found.magnitude[0](i, 0), 2.0, 1e-15 * 2);
+    EXPECT_NEAR(found.phase[0](i, 0), -0.1 * double(i), 4e-15 * 20);  // some rounding errors of 20 radian
+  }
+  EXPECT_EQ(found.magnitude[1].size(), 0);
+}
+
 TEST(ReportPage, RefusesBandsAndModelsOfAnotherSystem) {
   const Model model = oscillator(20);
   ReportOptions options;
@@ -1010,13 +1070,21 @@ TEST(ReportPage, RefusesBandsAndModelsOfAnotherSystem) {
 }
 
 // Bands without width about the responses of a model.
-ResponseBands bands_of(const Model& model) {
+ResponseBands bands_of(const Model& model, const std::vector<Index>& at = {}) {
   ResponseBands bands;
-  bands.starts = report::response_starts(model);
+  bands.starts = report::response_starts(model, at);
   bands.length = report::response_length(model);
   report::Responses own = report::responses(model, bands.starts, bands.length);
   bands.pulse = bands.pulse_lower = bands.pulse_upper = std::move(own.pulse);
   bands.step = bands.step_lower = bands.step_upper = std::move(own.step);
+  if (const std::optional<Modes> modes = report::modes_of_page(model)) {
+    const report::FrozenResponses frozen = report::frozen_responses(model, *modes, at);
+    report::FrozenCurves curves = report::frozen_curves(frozen.response);
+    bands.frozen_steps = frozen.steps;
+    bands.frequencies = frozen.frequencies;
+    bands.magnitude = bands.magnitude_lower = bands.magnitude_upper = std::move(curves.magnitude);
+    bands.phase = bands.phase_lower = bands.phase_upper = std::move(curves.phase);
+  }
   bands.findings = {{.kind = Finding::Kind::reader_remark, .detail = "found by the bootstrap"}};
   return bands;
 }
@@ -1049,6 +1117,45 @@ TEST(ReportPage, RefusesBandsOfAnotherModelOfTheSameSize) {
     options.bands = bands_of(other);
     EXPECT_THROW(report_page(model, data, options), std::invalid_argument);
   }
+}
+
+TEST(ReportPage, RefusesBandsOfOtherFrozenResponses) {
+  const Model model = constant_system({3, 2, 2}, 40, 0.8, 6);
+  const Ensemble data = random_experiments(model, 5, 7);
+  ReportOptions options;
+  options.bands = bands_of(model);
+  const nlohmann::json bands = page_data(report_page(model, data, options).html)["frozen"]["bands"];
+  ASSERT_FALSE(bands.is_null());
+  const auto refused = [&] {
+    EXPECT_THROW(report_page(model, data, options), std::invalid_argument);
+    options.bands = bands_of(model);
+  };
+  ASSERT_FALSE(options.bands->magnitude.empty());
+  options.bands->magnitude[0] *= 1.001;
+  refused();
+  options.bands->phase[0].array() += 0.001;
+  refused();
+  options.bands->frequencies *= 1.001;
+  refused();
+  options.bands->phase_lower.pop_back();
+  refused();
+  options.bands->frozen_steps.back() += 1;
+  refused();
+  // Bands at other steps than the page
+  options.at = {0, 20};
+  EXPECT_THROW(report_page(model, data, options), std::invalid_argument);
+  options.bands = bands_of(model, options.at);
+  const nlohmann::json found = page_data(report_page(model, data, options).html);
+  EXPECT_EQ(found["responses"]["starts"], nlohmann::json({0, 20}));
+  EXPECT_EQ(found["frozen"]["steps"], nlohmann::json({20}));
+  // The phase of a response of zero is arbitrary.
+  Model silent = model;
+  for (Step& step : silent.step) step.C().row(1).setZero(), step.D().row(1).setZero();
+  options = {};
+  options.bands = bands_of(silent);
+  for (Matrix& phase : options.bands->phase)
+    for (const Index column : {1, 3}) phase.col(column).array() += 1.0;
+  EXPECT_NO_THROW(report_page(silent, random_experiments(silent, 5, 7), options));
 }
 
 // A model that overflows has no fit, and takes no samples from the others.

@@ -24,7 +24,8 @@ enum class Evaluation {
   training   // the training data
 };
 
-// Confidence bands of the pulse and step responses on a page.
+// Confidence bands of the pulse, step and frozen frequency responses on a page. The responses of the model itself tell
+// the bands of other models.
 struct ResponseBands {
   double level = 0.95;
   Index replicates = 0;       // successful replicates of the bootstrap
@@ -32,12 +33,19 @@ struct ResponseBands {
   Index length = 0;           // L: the outputs are those of the steps start … start+L-1
   // (S) of (L × m·r): column j + m·i is output j for input i
   std::vector<Matrix> pulse_lower, pulse_upper, step_lower, step_upper;
-  std::vector<Matrix> pulse, step;  // the responses of the model itself, which tell the bands of other models
+  std::vector<Matrix> pulse, step;
+  std::vector<Index> frozen_steps;  // (K) steps of the frozen frequency responses
+  Vector frequencies;               // (F) of these [rad/s], or [rad per step] without a stated sample time
+  // (K) of (F × m·r), in the same columns. The bands have random errors alone, not those of freezing the time.
+  std::vector<Matrix> magnitude_lower, magnitude_upper;
+  std::vector<Matrix> phase_lower, phase_upper;  // [rad], around `phase`
+  std::vector<Matrix> magnitude, phase;
   Findings findings;
 };
-// The bands of a model, by function_bounds(). `identified`: the ensemble of its identification.
-// \throws as function_bounds()
-ResponseBands response_bands(const Model& model, const Ensemble& identified, const ConfidenceOptions& options = {});
+// The bands of a model, by function_bounds(). `identified`: the ensemble of its identification. `at`: as
+// ReportOptions::at. \throws as function_bounds() and report_page()
+ResponseBands response_bands(const Model& model, const Ensemble& identified, const ConfidenceOptions& options = {},
+                             const std::vector<Index>& at = {});
 
 // A model with the name that the page shows.
 struct NamedModel {
@@ -56,7 +64,11 @@ struct ReportOptions {
   Index points = 1200;                             // most points per curve: minimum and maximum of each stretch
   // Other models of the same channels: the page has their fits over the same samples, and their curves.
   std::vector<NamedModel> compare = {};
-  // Bands of the model of the page, whose findings the page has too. Empty: the page has responses without bands.
+  // Steps of the pulse, step and frozen frequency responses. Empty: evenly spaced steps, fewer for many channels. A
+  // frozen frequency response is shown at those steps at which all modes are valid.
+  std::vector<Index> at = {};
+  // Bands of the model of the page at the same steps, whose findings the page has too. Empty: the page has responses
+  // without bands.
   std::optional<ResponseBands> bands = {};
 };
 
@@ -152,8 +164,8 @@ struct ReportPage {
 };
 // Makes a self-contained HTML page, which loads nothing: tables for every reader, plots if JavaScript runs. Its data
 // are a few megabytes at most, for any size of the ensemble; the page states which data it leaves out.
-// \throws std::invalid_argument where channels disagree, no step of the data has a model, or the bands are those of
-// another model
+// \throws std::invalid_argument where channels disagree, no step of the data has a model, the bands are those of
+// another model or of other steps, or `at` has steps without a model or more than the page has room for
 ReportPage report_page(const Model& model, const Ensemble& data, const ReportOptions& options = {});
 
 // The page of a model that was just identified from these data with these options. It uses the held-out experiments if

@@ -19,7 +19,7 @@ nb::any reported(const Model& model, const Ensemble& data, const std::optional<P
     if (identified) {
       ConfidenceOptions bounds;
       bounds.execution = call.execution(threads);
-      options.bands = response_bands(model, *identified, bounds);
+      options.bands = response_bands(model, *identified, bounds, options.at);
     }
     const ReportPage page = report_page(model, data, options);
     if (path) save_text(page.html, *path);
@@ -71,6 +71,7 @@ void bind_report(nb::module_& module) {
       .def_rw("initial_state", &ReportOptions::initial_state, nb::for_setter(nb::arg().none()))
       .def_rw("experiments", &ReportOptions::experiments)
       .def_rw("compare", &ReportOptions::compare)
+      .def_rw("at", &ReportOptions::at)
       .def_rw("points", &ReportOptions::points);
   module.def("report", &reported, nb::arg("model"), nb::arg("data"), nb::arg("path").none(), nb::arg("options"),
              nb::arg("identified").none(), nb::arg("threads"));

@@ -3,7 +3,9 @@
 
 import copy
 import gc
+import json
 import pickle
+import re
 import time
 import warnings
 
@@ -178,6 +180,19 @@ def test_report_beside_an_ensemble(model, data, tmp_path):
     assert (tmp_path / "page.html").stat().st_size > 10000
     model.report(data, str(tmp_path / "other.html"))
     assert (tmp_path / "other.html").exists() and repr(verdict) == repr(model.report(data))
+
+
+def test_report_at_chosen_steps(model, data, tmp_path):
+    page = tmp_path / "page.html"
+    model.report(data, page, at=[20, 7, 20])
+    text = page.read_text(encoding="utf-8")
+    shown = json.loads(re.search(r'id="report-data">(.*?)</script>', text, re.DOTALL).group(1))
+    assert shown["responses"]["starts"] == [7, 20]
+    for at, message in (([30], "at: step 30 found, "), ([-1], "at"), ([1.5], "at"), (list(range(2, 29)), "at: 27 steps found")):
+        with pytest.raises((ValueError, TypeError), match=message):
+            model.report(data, page, at=at)
+    with pytest.raises(ValueError, match="experiments: 3 found, the model was identified from 40"):
+        model.report(data, bands=tokid.example("oscillator", experiments=3, steps=30, seed=9))
 
 
 def test_report_has_the_checks_of_its_verdict(model, data):

@@ -814,6 +814,7 @@ class Model(StateSpace):
         data_name: str = "data",
         compare: Optional[Mapping[str, Model]] = None,
         bands: Union[tuple[ArrayLike, ArrayLike], Ensemble, None] = None,
+        at: Optional[Sequence[int]] = None,
         threads: int = 1,
     ) -> Verdict:
         """Judge whether the model can be trusted, and write a self-contained HTML page about it.
@@ -836,8 +837,11 @@ class Model(StateSpace):
             Other models of the same channels, with their names on the page: it has their fits over the same samples,
             and their curves.
         bands : Ensemble or tuple (u, y), optional
-            The experiments of the identification. With them, the pulse and step responses on the page have 95 %
-            confidence bands by a bootstrap, as in `confidence`, which takes time.
+            The experiments of the identification. With them, the pulse, step and frozen frequency responses on the page
+            have 95 % confidence bands by a bootstrap, as in `confidence`, which takes time.
+        at : sequence of int, optional
+            Steps of the pulse, step and frozen frequency responses. By default they are evenly spaced. A frozen
+            response is shown at those steps at which all modes are valid.
         threads : int, default 1
             Threads of the bootstrap. 0: all of the machine.
 
@@ -851,6 +855,7 @@ class Model(StateSpace):
         options = _options.page(model_name, data_name, horizon, experiments)
         options.initial_state = _options.initial_state(initial_state)
         options.compare = [_tokid.NamedModel(str(name), other._core) for name, other in (compare or {}).items()]
+        options.at = [_options.integer("at", step, 0) for step in (() if at is None else at)]
         identified = None
         if bands is not None:
             training_u, training_y = (bands, None) if isinstance(bands, Ensemble) else bands

@@ -705,7 +705,8 @@ class Report {
     if (const std::optional<ResponseBands>& bands = options_.bands)
       body += paragraph(
           fmt::format("Each value lies in its band with {:.4g} % probability (pointwise). The bands come from {} of "
-                      "a bootstrap over the experiments of the identification.",
+                      "a bootstrap over the experiments of the identification. Those of the frozen frequency response "
+                      "leave out the error of freezing the time.",
                       100 * bands->level, plural(bands->replicates, "replicate")));
     else
       body += paragraph(
@@ -717,8 +718,8 @@ class Report {
   // The largest values, for readers without plots.
   std::string response_table() const {
     constexpr Index most = 12;
-    const Index middle = Index(response_starts(model_).size()) / 2;
-    const Index start = response_starts(model_)[size_t(middle)];
+    const std::vector<Index> starts = response_starts(model_, options_.at);
+    const Index start = starts[starts.size() / 2];
     const Responses found = responses(model_, {start}, response_length(model_));
     Table table({{"Output", Align::text},
                  {"Input", Align::text},
@@ -741,6 +742,13 @@ class Report {
                        cut_note(std::min(most, model_.outputs), model_.outputs, "output"));
   }
 
+  // The chosen steps at which a mode is not valid.
+  std::string without_frozen() const {
+    const std::vector<Index>& left_out = plots_.frozen.left_out;
+    return left_out.empty() ? "the outputs do not determine the states at the chosen steps"
+                            : fmt::format("{}, where a mode is not valid", step_list(left_out));
+  }
+
   std::string frozen_text() const {
     const FrozenResponses& frozen = plots_.frozen;
     const std::string heading = "<h3>Frozen frequency response</h3>\n";
@@ -748,6 +756,8 @@ class Report {
       return heading + paragraph("The model has no states: its outputs follow the inputs at once.");
     if (!plots_.modes)
       return heading + paragraph("Not shown: the model has too few steps for modes with the time frozen.");
+    if (frozen.slow > 0 && frozen.steps.empty())
+      return heading + paragraph(fmt::format("Not shown: {}.", without_frozen()));
     if (frozen.steps.empty())
       return heading +
              paragraph(fmt::format(
@@ -759,8 +769,10 @@ class Report {
            paragraph(fmt::format(
                "Frequency response of the matrices of one step. It is shown for {} of {}, where every mode varies by at "
                "most {:.3g} while it turns by one radian, and is the same in another window of outputs. "
-               "Evenly spaced steps of these can be chosen.",
-               frozen.slow, plural(frozen.all, "step"), frozen.limit)) +
+               "{}",
+               frozen.slow, plural(frozen.all, "step"), frozen.limit,
+               frozen.left_out.empty() ? std::string("One of the steps below can be chosen.")
+                                       : fmt::format("Not shown: {}.", without_frozen()))) +
            controls(choice("frozen-step", "Frozen at")) + "<div class=\"two\"><div>" +
            plot_place("magnitude", "Magnitude of the frozen frequency response", "Magnitude") + "</div>\n<div>" +
            plot_place("phase", "Phase of the frozen frequency response", "Phase [degrees]") + "</div></div>\n";

@@ -58,6 +58,22 @@ bool same_responses(const std::vector<Matrix>& a, const std::vector<Matrix>& b) 
   return difference <= same_response * size;
 }
 
+constexpr const char* wrong_bands =
+    "bands: those of another model or of other steps found, those of response_bands(model) at the steps of the page "
+    "needed";
+
+// Real and imaginary parts, one after the other. The phase of a very small response is arbitrary.
+std::vector<Matrix> parts_of(const std::vector<Matrix>& magnitude, const std::vector<Matrix>& phase) {
+  std::vector<Matrix> result;
+  if (magnitude.size() != phase.size()) return result;
+  for (size_t s = 0; s < magnitude.size(); ++s) {
+    if (magnitude[s].rows() != phase[s].rows() || magnitude[s].cols() != phase[s].cols()) return {};
+    result.emplace_back(magnitude[s].array() * phase[s].array().cos());
+    result.emplace_back(magnitude[s].array() * phase[s].array().sin());
+  }
+  return result;
+}
+
 // Rounds to six digits, which is more than a plot can show. A value that is not finite becomes null.
 Json rounded(double value) {
   if (!std::isfinite(value)) return {};
@@ -505,10 +521,14 @@ class Collector {
     json_["A"] = entries_of(smooth, &Step::A, model_.k_begin, model_.k_end(), n, n, "A");
   }
 
-  // For each start, output and input: a list of numbers. Column j + m·i has output j for input i.
+  // For each start, output and input: a list of numbers. Column j + m·i has output j for input i. null without values.
   Json response_lists(const std::vector<Matrix>& all, Index outputs, Index inputs) const {
     Json starts = Json::array();
     for (const Matrix& values : all) {
+      if (values.size() == 0) {
+        starts.push_back(nullptr);
+        continue;
+      }
       Json pairs = Json::array();
       for (Index i = 0; i < inputs; ++i)
         for (Index j = 0; j < outputs; ++j) {
@@ -534,7 +554,7 @@ class Collector {
     json_["responses"] = nullptr;
     if (model_.inputs == 0) return;
     const auto [outputs, inputs] = response_channels();
-    const std::vector<Index> starts = response_starts(model_);
+    const std::vector<Index> starts = response_starts(model_, options_.at);
     const Index length = response_length(model_);
     const Responses found = report::responses(model_, starts, length);
     Json others = Json::array();
@@ -561,7 +581,7 @@ class Collector {
       if (bands->starts != found.starts || !fits(bands->pulse_lower) || !fits(bands->pulse_upper) ||
           !fits(bands->step_lower) || !fits(bands->step_upper) || !same_responses(bands->pulse, found.pulse) ||
           !same_responses(bands->step, found.step))
-        throw std::invalid_argument("bands: those of another model found, those of response_bands(model) needed");
+        throw std::invalid_argument(wrong_bands);
       list["bands"] = {{"level", bands->level},
                        {"pulse_lower", response_lists(bands->pulse_lower, outputs, inputs)},
                        {"pulse_upper", response_lists(bands->pulse_upper, outputs, inputs)},
@@ -570,6 +590,9 @@ class Collector {
     }
     json_["responses"] = std::move(list);
   }
+
+  // The number of other models in the plots.
+  Index compared_models() const { return std::min<Index>(Index(options_.compare.size()), most_compared_models); }
 
   // Natural frequencies [rad/s] and damping ratios of the modes over time, with one curve where a mode is valid and one
   // where it is not. A conjugate pair is one mode.
@@ -581,7 +604,8 @@ class Collector {
     const Matrix frequency = natural_frequencies(found), damping = damping_ratios(found);
     const Index count = std::min(found.count(), most_modes);
     if (count < found.count()) omit("Of {} modes the slowest {} are drawn.", found.count(), count);
-    const Grid grid = make_grid(found.begin, found.steps(), points_for(4 * count, most_mode_numbers));
+    const Grid grid =
+        make_grid(found.begin, found.steps(), points_for((4 + 2 * compared_models()) * count, most_mode_numbers));
     Json list = Json::array();
     for (Index i = 0; i < count; ++i) {
       const auto part = [&](const Matrix& values, bool valid) {
@@ -597,44 +621,96 @@ class Collector {
                       {"damping", part(damping, true)},
                       {"other_damping", part(damping, false)}});
     }
-    json_["modes"] = {{"x", grid.x}, {"stretch", grid.stretch}, {"modes", list}};
+    json_["modes"] = {{"x", grid.x}, {"stretch", grid.stretch}, {"modes", list}, {"others", modes_of_others(grid)}};
   }
 
-  // Magnitude and phase [degrees] of the frozen frequency responses. The phase of a curve has no jumps of 360 degrees.
+  // The valid modes of the other models at the same steps.
+  Json modes_of_others(const Grid& grid) const {
+    Json others = Json::array();
+    for (size_t i = 0; i < std::min(options_.compare.size(), size_t(most_compared_models)); ++i) {
+      Json list = Json::array();
+      const std::optional<Modes> found = modes_of_page(options_.compare[i].model);
+      for (Index mode = 0; found && mode < std::min(found->count(), most_modes); ++mode) {
+        const auto part = [&](const Matrix& values) {
+          return curve(grid, [&](Index step) {
+            const Index k = step - found->begin;
+            const bool shown =
+                k >= 0 && k < found->steps() && found->valid(k, mode) && !(found->poles(k, mode).imag() < 0);
+            return shown ? values(k, mode) : nan;
+          });
+        };
+        Json frequency = part(natural_frequencies(*found));
+        if (std::all_of(frequency.begin(), frequency.end(), [](const Json& value) { return value.is_null(); }))
+          continue;
+        list.push_back({{"frequency", std::move(frequency)}, {"damping", part(damping_ratios(*found))}});
+      }
+      others.push_back(std::move(list));
+    }
+    return others;
+  }
+
+  // Magnitude and phase [degrees] of the frozen frequency responses, also of the other models.
   void frozen() {
     json_["frozen"] = nullptr;
     if (model_.inputs == 0 || !plots_.modes) return;
-    plots_.frozen = frozen_responses(model_, *plots_.modes);
+    plots_.frozen = frozen_responses(model_, *plots_.modes, options_.at);
     const FrozenResponses& found = plots_.frozen;
+    const FrozenCurves own = frozen_curves(found.response);
+    check_frozen_bands(own);
     if (found.steps.empty()) return;
     const Index outputs = std::min(model_.outputs, most_response_channels);
     const Index inputs = std::min(model_.inputs, most_response_channels);
-    Json magnitude = Json::array(), phase = Json::array();
-    for (const std::vector<Eigen::MatrixXcd>& response : found.response) {
-      Json magnitudes = Json::array(), phases = Json::array();
-      for (Index i = 0; i < inputs; ++i)
-        for (Index j = 0; j < outputs; ++j) {
-          std::vector<double> sizes, angles;
-          double before = 0.0;
-          for (const Eigen::MatrixXcd& at : response) {
-            sizes.push_back(std::abs(at(j, i)));
-            double angle = std::arg(at(j, i)) * 180 / std::numbers::pi;
-            if (!angles.empty()) angle -= 360 * std::round((angle - before) / 360);
-            angles.push_back(before = angle);
-          }
-          magnitudes.push_back(rounded(sizes));
-          phases.push_back(rounded(angles));
-        }
-      magnitude.push_back(std::move(magnitudes));
-      phase.push_back(std::move(phases));
+    const auto lists = [&](const std::vector<Matrix>& all) { return response_lists(all, outputs, inputs); };
+    Json others = Json::array();
+    for (size_t i = 0; i < std::min(options_.compare.size(), size_t(most_compared_models)); ++i) {
+      FrozenCurves theirs = frozen_curves(frozen_responses_of(options_.compare[i].model, found, model_.dt));
+      for (size_t s = 0; s < theirs.phase.size(); ++s) begin_near(theirs.phase[s], own.phase[s]);
+      others.push_back({{"magnitude", lists(theirs.magnitude)}, {"phase", lists(degrees(std::move(theirs.phase)))}});
     }
     json_["frozen"] = {
         {"steps", found.steps},
         {"timed", model_.provenance.dt_stated},
         {"frequencies", rounded(std::vector<double>(found.frequencies.begin(), found.frequencies.end()))},
         {"outputs", outputs},
-        {"magnitude", magnitude},
-        {"phase", phase}};
+        {"magnitude", lists(own.magnitude)},
+        {"phase", lists(degrees(own.phase))},
+        {"others", others},
+        {"bands", nullptr}};
+    if (const std::optional<ResponseBands>& bands = options_.bands)
+      json_["frozen"]["bands"] = {{"level", bands->level},
+                                  {"magnitude_lower", lists(bands->magnitude_lower)},
+                                  {"magnitude_upper", lists(bands->magnitude_upper)},
+                                  {"phase_lower", lists(degrees(bands->phase_lower))},
+                                  {"phase_upper", lists(degrees(bands->phase_upper))}};
+  }
+
+  static std::vector<Matrix> degrees(std::vector<Matrix> phases) {
+    for (Matrix& phase : phases) phase *= 180 / std::numbers::pi;
+    return phases;
+  }
+
+  // Moves each phase by whole turns, so that it begins near the other one.
+  static void begin_near(Matrix& phase, const Matrix& own) {
+    constexpr double turn = 2 * std::numbers::pi;
+    for (Index c = 0; c < phase.cols(); ++c)
+      if (const double turns = std::round((phase(0, c) - own(0, c)) / turn); std::isfinite(turns))
+        phase.col(c).array() -= turns * turn;
+  }
+
+  // \throws std::invalid_argument unless the bands, if there are any, belong to these responses
+  void check_frozen_bands(const FrozenCurves& own) const {
+    if (!options_.bands) return;
+    const ResponseBands& bands = *options_.bands;
+    const auto fits = [&](const std::vector<Matrix>& all) {
+      return all.size() == own.phase.size() &&
+             std::equal(all.begin(), all.end(), own.phase.begin(),
+                        [](const Matrix& a, const Matrix& b) { return a.rows() == b.rows() && a.cols() == b.cols(); });
+    };
+    if (bands.frozen_steps != plots_.frozen.steps || !fits(bands.magnitude_lower) || !fits(bands.magnitude_upper) ||
+        !fits(bands.phase_lower) || !fits(bands.phase_upper) || !fits(bands.magnitude) || !fits(bands.phase) ||
+        !same_responses({bands.frequencies}, {plots_.frozen.frequencies}) ||
+        !same_responses(parts_of(bands.magnitude, bands.phase), parts_of(own.magnitude, own.phase)))
+      throw std::invalid_argument(wrong_bands);
   }
 
   void whiteness() {

@@ -21,21 +21,34 @@ struct Responses {
 };
 Responses responses(const Model& model, const std::vector<Index>& starts, Index length);
 
-// The length of the responses on a page [steps], and the steps at which they start: evenly spaced, and fewer for many
-// channels. One step if all steps are the same.
+// The length of the responses on a page [steps], and the steps at which they start. Without `at` these are evenly
+// spaced, and fewer for many channels; one step if all steps are the same. With `at` they are its steps in order, each
+// once. \throws std::invalid_argument for steps without a model, or more steps than the page has room for
 Index response_length(const Model& model);
-std::vector<Index> response_starts(const Model& model);
+std::vector<Index> response_starts(const Model& model, const std::vector<Index>& at = {});
 
-// C (e^{iω dt} I - A)⁻¹ B + D of the frozen system at each chosen step. Chosen are evenly spaced steps at which all
-// modes are valid.
+// C (e^{iω dt} I - A)⁻¹ B + D of the frozen system at each chosen step. Chosen are steps at which all modes are valid:
+// evenly spaced ones, or those of `at`.
 struct FrozenResponses {
   std::vector<Index> steps;                             // (S) chosen steps
   Vector frequencies;                                   // (F) [rad/s], or [rad per step] without a stated sample time
   std::vector<std::vector<Eigen::MatrixXcd>> response;  // (S) of (F) of (m × r)
   Index slow = 0, all = 0;                              // steps at which all modes are valid, and all steps with modes
   double limit = 0.0;                                   // largest variation of a valid mode, as in ModesOptions
+  std::vector<Index> left_out;                          // steps of `at` without a response: a mode is not valid there
 };
-FrozenResponses frozen_responses(const Model& model, const Modes& modes);
+FrozenResponses frozen_responses(const Model& model, const Modes& modes, const std::vector<Index>& at = {});
+// The responses of another model at the steps and frequencies of `own`. Without frequencies at a step at which not all
+// of its modes are valid.
+std::vector<std::vector<Eigen::MatrixXcd>> frozen_responses_of(const Model& other, const FrozenResponses& own,
+                                                               double dt);
+
+// Magnitude and phase [rad] of frozen responses: (K) of (F × m·r), column j + m·i for output j and input i. The phase
+// has no jumps of 2π over the frequency. Empty matrices for a step without a response.
+struct FrozenCurves {
+  std::vector<Matrix> magnitude, phase;
+};
+FrozenCurves frozen_curves(const std::vector<std::vector<Eigen::MatrixXcd>>& response);
 
 // The modes of a page, with the options of the frozen responses; empty if the model has no states, or too few steps.
 std::optional<Modes> modes_of_page(const Model& model);

@@ -332,6 +332,7 @@ def test_bands_frozen_responses_and_other_models(visit, tokid, folder, typical, 
             labels = {plot["name"]: [curve["label"] for curve in plot["curves"]] for plot in page.evaluate("tokid.plots()")}
             assert labels["outputs"][3:5] == ["Simulated by one.npz", "Simulated by two <b>.npz"]
             assert labels["pulse"][-2:] == ["one.npz", "two <b>.npz"] and "95 % band from" in labels["pulse"]
+            assert all("95 % band from" in labels[name] for name in ("magnitude", "phase"))
             assert page.locator("main script, main b:not(.tile b):not(.legend b)").count() == 0
             assert not {("magnitude", label) for label in labels["magnitude"]} & set(undrawn(page))
             page.screenshot(path=screenshots / f"report-compared-{width}-{scheme}.png", full_page=True)

@@ -533,6 +533,78 @@ def test_frozen_frequency_response(tokid, tmp_path):
             # response changes by up to 1/(2ζ) times the relative change of the frequency.
             np.testing.assert_allclose(response, expected, rtol=1e-4)
             assert np.abs(np.diff(phase[0])).max() < 180
+        # Chosen steps; those without valid modes are named.
+        page = tmp_path / "page.html"
+        tokid("report", tmp_path / "model.npz", tmp_path / "data.npz", "-o", page, "--at", "20,0,9,20")
+        chosen = data_of(page)
+        assert chosen["responses"]["starts"] == [0, 9, 20] and chosen["frozen"]["steps"] == [9, 20]
+        assert "Not shown: step 0, where a mode is not valid" in page.read_text(encoding="utf-8")
+        tokid("report", tmp_path / "model.npz", tmp_path / "data.npz", "-o", page, "--at", 0)
+        assert data_of(page)["frozen"] is None and "Not shown: step 0" in page.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("at, complaint", [
+    ("40", "at: step 40 found, 0 to 39 needed"),
+    ("3,,4", "steps separated by commas needed"), ("-1", "steps separated by commas needed"),
+    (",".join(map(str, range(25))), "at: 25 steps found, 24 or fewer needed")])
+def test_steps_of_responses_are_checked(tokid, oscillator, tmp_path, at, complaint):
+    result = tokid("report", oscillator / "model.npz", oscillator / "fresh.npz", "-o", tmp_path / "page.html", "--at", at,
+                   status=2)
+    assert complaint in result.stderr and not (tmp_path / "page.html").exists()
+
+
+def slow_system(folder, tokid):
+    """Data of a constant system with noise, and the frequency response (F, m, r) of that system."""
+    A = np.array([[0.97, 0.2, 0.0], [-0.2, 0.97, 0.0], [0.0, 0.0, 0.9]]) * 0.99
+    rng = np.random.default_rng(5)
+    B, C = rng.standard_normal((3, 2)), rng.standard_normal((2, 3))
+    for name, seed in (("data", 1), ("fresh", 2)):
+        rng = np.random.default_rng(seed)
+        u, x, y = rng.standard_normal((16, 60, 2)), np.zeros((16, 3)), np.zeros((16, 60, 2))
+        for k in range(60):
+            y[:, k] = x @ C.T + 0.1 * rng.standard_normal((16, 2))
+            x = x @ A.T + u[:, k] @ B.T
+        np.savez(folder / f"{name}.npz", u=u, y=y, dt=0.05, initial_state="zero")
+    for name, states in (("model", 3), ("other", 2)):
+        tokid("identify", folder / "data.npz", "-o", folder / f"{name}.npz", "--states", states, "--no-refine",
+              "--smoothing", "inf")
+    return lambda w: np.array([C @ np.linalg.solve(np.exp(1j * f * 0.05) * np.eye(3) - A, B) for f in w])
+
+
+def test_bands_of_frozen_responses(tokid, tmp_path):
+    """They hold the truth about as often as stated, and surround the response of the model. Other models have theirs."""
+    truth = slow_system(tmp_path, tokid)
+    page = tmp_path / "page.html"
+    tokid("report", tmp_path / "model.npz", tmp_path / "fresh.npz", "-o", page, "--bands", tmp_path / "data.npz",
+          "--compare", tmp_path / "other.npz", "--at", "10,30")
+    found = data_of(page)["frozen"]
+    assert found["steps"] == data_of(page)["responses"]["starts"] == [10, 30] and found["bands"]["level"] == 0.95
+    expected = truth(found["frequencies"]).transpose(2, 1, 0).reshape(4, -1)  # input, output
+    held = []
+    for key, right in (("magnitude", abs(expected)), ("phase", np.rad2deg(np.angle(expected)))):
+        value = number(found[key])
+        lower, upper = (number(found["bands"][f"{key}_{side}"]) for side in ("lower", "upper"))
+        assert value.shape == lower.shape == upper.shape == (2, 4, 60)
+        assert (lower <= value).all() and (value <= upper).all()
+        if key == "magnitude":
+            assert (lower > 0).all()
+        else:
+            right = value + (right - value + 180) % 360 - 180  # the turn that is nearest to the model's
+        held.append((lower <= right) & (right <= upper))
+    # The responses of one model at all frequencies depend on each other: 60 points have about as many independent ones
+    # as the model has coefficients of a pair, 6. Of 24, fewer than 17 lie within 95 % bands with a chance of 2e-5.
+    assert np.mean(held) > 17 / 24
+    # The other model, whose phase begins near that of the model.
+    other = found["others"][0]
+    modes = tokid.json("modes", tmp_path / "other.npz")
+    assert np.array(modes["valid"]).all() and len(found["others"]) == 1
+    assert number(other["magnitude"]).shape == number(other["phase"]).shape == (2, 4, 60)
+    assert np.abs(number(other["phase"])[..., 0] - number(found["phase"])[..., 0]).max() <= 180 + 1e-3
+    shown = data_of(page)["modes"]["others"]
+    frequencies = np.hypot(number(modes["poles_real"]), number(modes["poles_imag"]))
+    assert len(shown) == 1
+    np.testing.assert_allclose([mode["frequency"][0] for mode in shown[0]],
+                               frequencies[0][number(modes["poles_imag"])[0] >= 0], rtol=5.1e-6)
 
 
 def test_models_are_compared_over_the_same_samples(tokid, oscillator, tmp_path):

@@ -323,6 +323,8 @@
       const curves = found.modes.flatMap((mode, i) => [
         {label: `Mode ${mode.mode}`, colour: palette[i % palette.length], dash: dashes[Math.floor(i / palette.length) % dashes.length], values: mode[name], width: 2, points: true, size: 3},
         {label: "", silent: true, colour: "--c-faint", values: mode[`other_${name}`], width: 1.2, points: true, size: 3}]).filter(curve => curve.values.some(value => value !== null));
+      found.others.forEach((modes, i) => modes.forEach((mode, first) => curves.push(
+        {label: first ? "" : data.models[i + 1], silent: first > 0, ...other_look(i), values: mode[name], width: 1.2})));
       add({name, shared: true, tall: 230, x: found.x, stretch: found.stretch, zero: name === "frequency", curves});
     }
   }
@@ -332,12 +334,12 @@
   const response_input = at("response-input"), response_output = at("response-output");
 
   // Adds a plot of the curves of all steps. `band`: the lower and upper bounds of the chosen step.
-  function add_responses(plot, labels, curves, chosen, band, others = []) {
+  function add_responses(plot, labels, curves, chosen, band, level, others) {
     const faint = curves.map((values, s) => s === chosen ? null : {label: "", silent: true, colour: "--c-faint", values, width: 1}).filter(curve => curve);
     if (faint.length) Object.assign(faint[0], {label: "Other steps", silent: false});
-    const edges = band ? [band[0], band[1]].map((values, i) => ({label: i ? "to" : `${short(100 * data.responses.bands.level)} % band from`, silent: false, colour: "--c-blue", values, width: 0.8, dash: [2, 3]})) : [];
+    const edges = band ? [band[0], band[1]].map((values, i) => ({label: i ? "to" : `${short(100 * level)} % band from`, silent: false, colour: "--c-blue", values, width: 0.8, dash: [2, 3]})) : [];
     const strong = {label: labels[chosen], colour: "--c-blue", values: curves[chosen], width: 2.2};
-    const compared = others.map((values, i) => ({label: data.models[i + 1], ...other_look(i), values, width: 1.8}));
+    const compared = others.map((values, i) => values && {label: data.models[i + 1], ...other_look(i), values, width: 1.8}).filter(curve => curve);
     add({...plot, curves: [...faint, ...edges, strong, ...compared], bands: band ? [[faint.length + 1, faint.length, "--c-blue"]] : []});
   }
 
@@ -351,7 +353,7 @@
       add_responses({
         name, tall: 230, x, x_label: timed ? "Time after the input [s]" : "Steps after the input", label: named(data.outputs[Number(response_output.value)]),
         where_of: k => `${k} steps later`
-      }, labels, found[kind].map(pairs => pairs[pair]), chosen, band, found.others.map(other => other[kind][chosen][pair]));
+      }, labels, found[kind].map(pairs => pairs[pair]), chosen, band, found.bands && found.bands.level, found.others.map(other => other[kind][chosen][pair]));
     }
   }
 
@@ -359,11 +361,14 @@
     const found = data.frozen, chosen = Number(at("frozen-step").value);
     const pair = Number(response_output.value) + found.outputs * Number(response_input.value);
     const labels = found.steps.map(k => `At ${time_of(k)}`);
-    for (const [name, log] of [["magnitude", true], ["phase", false]])
+    for (const [name, log] of [["magnitude", true], ["phase", false]]) {
+      const band = found.bands && [found.bands[`${name}_lower`][chosen][pair], found.bands[`${name}_upper`][chosen][pair]];
+      const others = found.others.map(other => other[name][chosen] && other[name][chosen][pair]);
       add_responses({
         name, log, tall: 230, x: found.frequencies, x_log: true, x_label: `Frequency [${found.timed ? "rad/s" : "rad per step"}]`,
         where_of: i => `${short(found.frequencies[i])} ${found.timed ? "rad/s" : "rad per step"}, ${short(found.frequencies[i] / (2 * Math.PI))} ${found.timed ? "Hz" : "per step"}`
-      }, labels, found[name].map(pairs => pairs[pair]), chosen, null);
+      }, labels, found[name].map(pairs => pairs[pair]), chosen, band, found.bands && found.bands.level, others);
+    }
   }
 
   function setup_responses() {
