@@ -144,7 +144,8 @@ def test_chain_of_subspace_and_em_has_the_bits_of_identify(noisy, period, initia
         result = stages.refine(start, data, smoothing=smoothing, period=found.variation.period, iterations=iterations)
     assert_same_bits(result.model, model)
     assert result.iterations <= iterations and len(result.penalised) == result.iterations + 1
-    assert np.all(np.diff(result.penalised) >= -1e-9 * np.abs(result.penalised[:-1]))
+    # EM has not converged: each iteration raises the penalised likelihood by percents, far more than rounding errors.
+    assert np.all(np.diff(result.penalised) > 0)
 
 
 # ---- Exactness ----
