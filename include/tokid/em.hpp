@@ -14,10 +14,10 @@
 namespace tokid {
 
 struct RefineOptions {
-  // λ of the penalty  λ/2 Σ_k tr( V⁻¹ (Θ_{k+1} - Θ_k) W (Θ_{k+1} - Θ_k)ᵀ )  on the log-likelihood, for Θ = [A B] and
+  // λ of the penalty  λ/2 Σ_k tr( Ω⁻¹ (Θ_{k+1} - Θ_k) W (Θ_{k+1} - Θ_k)ᵀ )  on the log-likelihood, for Θ = [A B] and
   // [C D]. W is the diagonal of the second moment of [x; u] at a typical step, summed over the experiments. For [C D],
-  // V is the covariance of the innovations. For [A B], V is the second moment of the state, scaled so that the ratio of
-  // noise to signal is that of the outputs. V and W are computed once, from the start model. 0: every step has its own
+  // Ω is the covariance of the innovations. For [A B], Ω is the second moment of the state, scaled so that the ratio of
+  // noise to signal is that of the outputs. Ω and W are computed once, from the start model. 0: every step has its own
   // matrices; infinity: all steps share one set.
   double smoothing = 0.0;
   // P: the steps k and k+P share their matrices; 1: all steps; 0: no period; empty: the period of the model

@@ -12,7 +12,7 @@
 
 namespace tokid {
 
-// Default number of lags of the tests; docs/math.md has the reason.
+// Default number of lags of the tests; docs/evidence.md has the figures.
 inline constexpr Index test_lags = 5;
 // A test is significant if its p is smaller.
 inline constexpr double unlikely = 0.01;

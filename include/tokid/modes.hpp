@@ -19,7 +19,7 @@ namespace tokid {
 // the window at k. Near the ends, the mean has fewer steps.
 //
 // The error is of first order in the variation over 1/|s|. For a lightly damped mode of positions and velocities, it is
-// of second order in the frequency. docs/modes.md derives both.
+// of second order in the frequency. docs/how-to/modes.md derives both.
 
 struct ModesOptions {
   Index window = 0;   // W, even; 0: the steps that determine a state, at least 2⌈n/m⌉

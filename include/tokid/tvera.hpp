@@ -21,7 +21,7 @@ struct TveraOptions {
   Execution execution = {};
 };
 
-// H_k = U Σ Vᵀ = O_k R_{k-1}, O_k = U Σ^{1/2}, for every step from markov.i_begin on. Near both ends H_k has fewer
+// H_k = U Λ Vᵀ = O_k 𝒞_{k-1}, O_k = U Λ^{1/2}, for every step from markov.i_begin on. Near both ends H_k has fewer
 // blocks. Free responses are additional columns of H_k; with free responses, O_k has full rank from the first step on.
 struct HankelFactor {
   Matrix u;                // (rows·m × q) left singular vectors of H_k in the units of TveraOptions

@@ -33,10 +33,10 @@ struct BoundsOptions {
 
 // Bounds from the factors of the regressions
 //
-// The coefficients M_s of different steps s have uncorrelated errors dM_s, of covariance residual_cov ⊗ X·Xᵀ
-// (GtvArx::noise_shape). To first order, dM_s changes the output of the recursion (17) at step k by Σ_s W_{k,s} dM_s
-// φ_s. φ_s is the window at step s with the outputs of the recursion. W_{k,s} is the effect of an innovation at s on
-// the output at k: I for k = s, else -h°_{k,s}. The interval is a quantile of Student's t times the standard error. The
+// The coefficients M_l of different steps l have uncorrelated errors dM_l, of covariance residual_cov ⊗ X·Xᵀ
+// (GtvArx::noise_shape). To first order, dM_l changes the output of the recursion (17) at step k by Σ_l Ψ_{k,l} dM_l
+// ω_l. ω_l is the window at step l with the outputs of the recursion. Ψ_{k,l} is the effect of an innovation at l on
+// the output at k: I for k = l, else -h°_{k,l}. The interval is a quantile of Student's t times the standard error. The
 // degrees of freedom are combined from those of all steps by their variances (Welch, Satterthwaite). All functions
 // \throw std::invalid_argument if `arx` has no noise shapes.
 

@@ -24,7 +24,7 @@ std::vector<double> deadbeat_products(const Model& model, Index p) {
 
 namespace {
 
-// S_j(k), an orthonormal basis of the state errors that the last j outputs did not observe, and j. Stages of the same
+// N_j(k), an orthonormal basis of the state errors that the last j outputs did not observe, and j. Stages of the same
 // dimension are the same subspace, and only the oldest stage is kept. There are thus at most n stages.
 struct Stage {
   Matrix basis;   // (n × dim)
@@ -50,7 +50,7 @@ Lift split_by_output(const Matrix& c, const Matrix& basis, const Matrix& lifted,
     const Matrix rest = Matrix::Identity(basis.cols(), basis.cols()) - visible * visible.transpose();
     lift.unseen = basis * linalg::svd(rest).u.leftCols(basis.cols() - rank);
   }
-  const Matrix fresh = seen - lifted * (lifted.transpose() * seen);  // outputs that no smaller S_j reaches
+  const Matrix fresh = seen - lifted * (lifted.transpose() * seen);  // outputs that no smaller N_j reaches
   const linalg::Svd d = linalg::svd(fresh);
   const Index rank = (d.s.array() > threshold).count();
   lift.outputs = d.u.leftCols(rank);
@@ -76,7 +76,7 @@ DeadbeatGain deadbeat_gain(const Model& model, double tolerance) {
     // that has survived j + 1 steps.
     std::vector<Stage> following{{Matrix::Identity(next, next), 0}};
     // The lift maps outputs to the states that correct them. It starts with the smallest subspace, so that states of
-    // S_j correct the outputs that S_j reaches.
+    // N_j correct the outputs that N_j reaches.
     Matrix lift = Matrix::Zero(n, m), outputs(m, 0);
     std::vector<Stage> survivors;
     for (const Stage& stage : std::views::reverse(flag)) {

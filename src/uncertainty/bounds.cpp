@@ -26,11 +26,11 @@ Interval unknown(Index rows, Index cols) {
   return {none, none, none, none};
 }
 
-// Diagonals of W_{k,s} R_s W_{k,s}ᵀ (m × k-first+1), s = first … k. A leverage of one at step s adds column s to the
-// variances of the outputs at step k. The column is infinite if R_s has no degree of freedom.
+// Diagonals of Ψ_{k,l} Σ_l Ψ_{k,l}ᵀ (m × k-first+1), l = first … k. A leverage of one at step l adds column l to the
+// variances of the outputs at step k. The column is infinite if Σ_l has no degree of freedom.
 Matrix carried_variances(const GtvArx& arx, Index k, Index first) {
   const Index m = arx.outputs;
-  std::vector<Matrix> transposed(size_t(k - first + 1), Matrix::Zero(m, m));  // W_{k,s}ᵀ
+  std::vector<Matrix> transposed(size_t(k - first + 1), Matrix::Zero(m, m));  // Ψ_{k,l}ᵀ
   transposed.back().setIdentity();
   uncertainty::run_backwards(arx, first, k + 1, transposed);
   Matrix carried(m, k - first + 1);

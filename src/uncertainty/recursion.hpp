@@ -36,10 +36,10 @@ inline auto output(const GtvArx& arx, Rows& rows, Index k) {
 // Computes the outputs of the steps begin … end-1 in `rows`.
 void run(const GtvArx& arx, Index begin, Index end, Rows& rows);
 
-// φᵀ X Xᵀ φ for each row φ of `windows`: the variance of M_k φ for innovations of variance one.
+// ωᵀ X Xᵀ ω for each row ω of `windows`: the variance of M_k ω for innovations of variance one.
 Vector leverages(const GtvArx& arx, Index k, const ConstMatrixRef& windows);
 
-// Computes Σ_{k ≥ s} W_{k,s}ᵀ ℓ_k for s = begin … end-1, by a backward recursion. `weights` contains ℓ_k (m × any
+// Computes Σ_{k ≥ l} Ψ_{k,l}ᵀ ℓ_k for l = begin … end-1, by a backward recursion. `weights` contains ℓ_k (m × any
 // each), and the results replace them.
 void run_backwards(const GtvArx& arx, Index begin, Index end, std::vector<Matrix>& weights);
 

@@ -8,6 +8,7 @@ import pytest
 from conftest import ROOT
 
 DOCS = ROOT / "docs"
+TEXTS = {".py", ".m", ".md", ".hpp", ".cpp", ".txt", ".cmake", ".toml", ".yml", ".js", ".ipynb", ".in", ""}
 
 
 def files():
@@ -68,3 +69,13 @@ def test_links_are_found():
 def test_index_lists_all_pages():
     listed = {(DOCS / link.partition("#")[0]).resolve() for link in links((DOCS / "index.md").read_text(encoding="utf-8"))}
     assert {path for path in DOCS.rglob("*.md")} - {DOCS / "index.md"} <= listed
+
+
+def test_pages_that_sources_name():
+    named = 0
+    for path in files():
+        if path.suffix in TEXTS:
+            for page in re.findall(r"(?<![\w/.-])docs/[\w/-]+\.md\b", path.read_text(encoding="utf-8", errors="ignore")):
+                assert (ROOT / page).exists(), f"{path.relative_to(ROOT)}: {page}"
+                named += 1
+    assert named > 30

@@ -10,10 +10,10 @@
 
 namespace tokid::em {
 
-// ½ Σ_k tr( V⁻¹ (Θ_{k+1} - Θ_k) W (Θ_{k+1} - Θ_k)ᵀ ) for Θ = [A B] and Θ = [C D], each with its own V and W = diag(w).
+// ½ Σ_k tr( Ω⁻¹ (Θ_{k+1} - Θ_k) W (Θ_{k+1} - Θ_k)ᵀ ) for Θ = [A B] and Θ = [C D], each with its own Ω and W = diag(w).
 // Changes at jumps do not count.
 struct Variation {
-  Matrix process_reference, measurement_reference;  // V (n × n), (m × m)
+  Matrix process_reference, measurement_reference;  // Ω (n × n), (m × m)
   Vector process_weight, measurement_weight;        // w (n+r)
   std::vector<Index> jumps = {};                    // ascending: the steps k+1
 
