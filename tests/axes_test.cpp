@@ -95,7 +95,7 @@ TEST(Axes, SizesThatNoDataHaveAreTold) {
   };
   EXPECT_NE(remark(50, 2, 80, 80).find("50 experiments of 2 steps with 80 inputs and 80 outputs"), std::string::npos);
   EXPECT_NE(remark(50, 2, 80, 80).find("not (N, channels, T)"), std::string::npos);
-  EXPECT_NE(remark(50, 1, 2, 1).find("one experiment of 50 steps is (1, T, channels)"), std::string::npos);
+  EXPECT_NE(remark(50, 1, 2, 1).find("One experiment of 50 steps has the shape (1, T, channels)"), std::string::npos);
   EXPECT_NE(remark(1, 5, 7, 7).find("u (5, 7) was read as one experiment of 5 steps with 7 inputs"),
             std::string::npos);
   for (const auto& [N, T, r, m] :

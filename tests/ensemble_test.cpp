@@ -49,7 +49,7 @@ TEST(Ensemble, ExperimentsThatShareNoStepAreWarnedOf) {
   only(1, 3, 7);
   const std::vector<std::string> found = in_words(findings_of_overlap(e));
   ASSERT_EQ(found.size(), 1u);
-  EXPECT_NE(found[0].find("experiment 2 begins at step 7, when experiment 1 has ended at step 6"), std::string::npos)
+  EXPECT_NE(found[0].find("experiment 2 begins at step 7, after experiment 1 has ended at step 6"), std::string::npos)
       << found[0];
 }
 

@@ -66,14 +66,14 @@ TEST(Excitation, InputsThatFollowFromWhatWasBefore) {
       in_words(excitation(held, {.lags = 2}).findings),
       (Texts{
           "input u1 follows from earlier inputs (u1(k) - u1(k-1) is zero) in every experiment at steps 1–3, "
-          "5–7, 9–11, 13–15 and 17–19: its effect there can't be separated from the effects of the earlier inputs"}));
+          "5–7, 9–11, 13–15 and 17–19: its effect there can't be separated from theirs"}));
   Ensemble fed = inputs(1);
   for (Index k = 3; k < 20; ++k) fed.input(k) = 0.5 * fed.output(k - 1).col(1);
   EXPECT_EQ(
       in_words(excitation(fed, {.lags = 2}).findings),
       (Texts{
           "input u1 follows from the samples before it (u1(k) - 0.5 y2(k-1) is zero) in every experiment at "
-          "steps 3–19: it is a feedback without independent variation, so its effect there can't be separated from the effects of these samples"}));
+          "steps 3–19. It is a feedback without independent variation, so its effect there can't be separated from theirs. Add a variation of its own to the input"}));
 }
 
 TEST(Excitation, OfOneRecord) {
@@ -87,7 +87,7 @@ TEST(Excitation, OfOneRecord) {
       in_words(excitation(e, {.lags = 4, .period = 1, .centred = false}).findings),
       (Texts{
           "input u1 follows from earlier inputs (u1(k) - 1.76 u1(k-1) + u1(k-2) is zero: the input consists of one frequency, but 5 "
-          "are needed at lag order 4) at every step: its effect there can't be separated from the effects of the earlier inputs"}));
+          "are needed at lag order 4) at every step: its effect there can't be separated from theirs"}));
   for (Index k = 0; k < 300; ++k) e.u(0, k, 0) = random.normal();
   EXPECT_EQ(in_words(excitation(e, {.lags = 4, .period = 1, .centred = false}).findings), Texts{});
 }
@@ -108,7 +108,7 @@ TEST(Excitation, OutputsThatMoveTogetherOrRest) {
   EXPECT_EQ(
       in_words(stuck_outputs(e, 100).findings),
       (Texts{
-          "output y2 stays at 2.5 in experiment 4 at steps 110–119, while the inputs of this experiment move: check whether the sensor of this output is stuck"}));
+          "output y2 stays at 2.5 in experiment 4 at steps 110–119, while the inputs of this experiment move. Check whether its sensor is stuck"}));
 }
 
 // What nothing is wrong with, and what chance makes of few experiments.
@@ -196,7 +196,7 @@ TEST(Excitation, ASumOfSinesIsCounted) {
       in_words(excitation(e, {.lags = 8, .period = 1, .centred = false}).findings),
       (Texts{
           "input u1 follows from earlier inputs (a combination of u1(k) and u1(k-1…6) is zero: the input consists of 3 "
-          "frequencies, but 9 are needed at lag order 8) at every step: its effect there can't be separated from the effects of the earlier inputs"}));
+          "frequencies, but 9 are needed at lag order 8) at every step: its effect there can't be separated from theirs"}));
 }
 
 TEST(Excitation, OutputsThatRestWithTheirInputsAreNotStuck) {

@@ -70,7 +70,7 @@ TEST(Finding, ExplanationsHaveNamesAndSentences) {
       {{.kind = Explanation::Kind::sign_changed, .channels = {y1}},
        "with the sign of output y1 changed it would fit the others"},
       {{.kind = Explanation::Kind::scaled, .channels = {y1}, .numbers = {{"factor", 1000.0}}},
-       "with output y1 multiplied by 1e+03 it would fit the others"},
+       "with output y1 multiplied by 1000 it would fit the others"},
       {{.kind = Explanation::Kind::outputs_scaled, .numbers = {{"factor", 0.5}}},
        "with all outputs multiplied by 0.5 it would fit the others"},
       {{.kind = Explanation::Kind::offset, .channels = {y1}, .numbers = {{"offset", -2.0}}},
@@ -109,7 +109,7 @@ TEST(Conclusion, SentencesAreComplete) {
   }
   all.reason = Conclusion::Reason::correlated;
   EXPECT_EQ(in_words(all),
-            "p = 0.003: the innovations are correlated in time, up to 0.100 at lag 1, too small to matter (less than "
+            "p = 0.003: the innovations are correlated in time, up to 0.1 at lag 1, too small to matter (less than "
             "0.2); over all steps together, because the experiments are few");
   all.reason = Conclusion::Reason::gains_wrong;
   EXPECT_EQ(in_words(all),

@@ -292,7 +292,7 @@ TEST(Identify, SingleExperimentsAreNamedWithHoldOutToo) {
     const auto told = [&](const std::string& text) { return mentions(found.findings, text); };
     EXPECT_EQ(told("experiment \"17\" (row 16) does not fit the others"), 1);
     EXPECT_EQ(
-        told("experiment \"42\" (row 41) begins at step 15, when experiment \"21\" (row 20) has ended at step 13"), 1);
+        told("experiment \"42\" (row 41) begins at step 15, after experiment \"21\" (row 20) has ended at step 13"), 1);
   }
 }
 

@@ -205,8 +205,8 @@ REFUSED = [
     (lambda u, y: tokid.identify(u, y, hold_out=2), "hold_out: 2 found, a number from 0 to below 1 needed"),
     (lambda u, y: tokid.identify(u, y, hold_out=1.0), "hold_out: 1.0 found, a number from 0 to below 1 needed"),
     (lambda u, y: tokid.identify(u[..., 0].T, y[..., 0].T), "u (7, 5) was read as one experiment of 7 steps with 5 inputs"),
-    (lambda u, y: tokid.cross_validate(u[0], y[0]), "; u (7, 2) was read as one experiment of 7 steps with 2 inputs; "
-                                                    "use (N, T, 1) for N experiments with one input"),
+    (lambda u, y: tokid.cross_validate(u[0], y[0]), "; u (7, 2) was read as one experiment of 7 steps with 2 inputs. "
+                                                    "For N experiments with one input, use (N, T, 1)"),
     (lambda u, y: tokid.identify(u, y, reference_step=3), "reference_step: needs frame 'reference'"),
     (lambda u, y: tokid.identify(u, y, threads=-1), "threads: -1 found, a whole number from 0 to 1024 needed"),
 ]

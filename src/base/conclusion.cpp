@@ -24,17 +24,17 @@ const char* pooled(const Conclusion& c) {
 }
 
 std::string size(const Conclusion& c, const char* meaning) {
-  return fmt::format("{} times the stated covariance ({}): {}", words::figure(c.numbers.at("ratio"), 3), probability(c),
+  return fmt::format("{} times the stated covariance ({}): {}", words::figure(c.numbers.at("ratio")), probability(c),
                      meaning);
 }
 
-// "p = 0.003: the innovations are correlated in time, up to 0.250 at lag 1"
+// "p = 0.003: the innovations are correlated in time, up to 0.25 at lag 1"
 std::string correlation(const Conclusion& c, const char* meaning) {
-  const std::string small = c.result == TestResult::negligible
-                                ? fmt::format(", too small to matter (less than {:.2g})", c.numbers.at("limit"))
-                                : "";
-  return fmt::format("{}: {} up to {:.3f} at lag {}{}{}", probability(c), meaning, c.numbers.at("correlation"),
-                     c.numbers.at("lag"), small, pooled(c));
+  const std::string small = c.result == TestResult::negligible ? fmt::format(", too small to matter (less than {})",
+                                                                             words::figure(c.numbers.at("limit"), 2))
+                                                               : "";
+  return fmt::format("{}: {} up to {} at lag {}{}{}", probability(c), meaning,
+                     words::figure(c.numbers.at("correlation")), c.numbers.at("lag"), small, pooled(c));
 }
 
 std::string no_correlation(const Conclusion& c, const char* meaning) {
@@ -57,8 +57,9 @@ std::string wrong_gains(const Conclusion& c) {
   const std::string list = inputs(c, [&](const std::string& name, size_t i) {
     const double error = c.errors[i];
     const std::string how =
-        error < -1 ? "the other way" : fmt::format("{:.3g} % {}", 100 * std::abs(error), error > 0 ? "more" : "less");
-    return fmt::format("to {} {} than the model says (± {:.2g} %)", name, how, 100 * c.intervals[i]);
+        error < -1 ? "the other way"
+                   : fmt::format("{} % {}", words::figure(100 * std::abs(error)), error > 0 ? "more" : "less");
+    return fmt::format("to {} {} than the model says (± {} %)", name, how, words::figure(100 * c.intervals[i], 2));
   });
   return fmt::format("the outputs respond {}{}", list,
                      c.result == TestResult::negligible ? "; too small to matter" : "");
@@ -77,9 +78,9 @@ std::string lost_gains(const Conclusion& c) {
 }
 
 std::string confirmed_gains(const Conclusion& c) {
-  return fmt::format("the outputs respond to {} as strongly as the model says (± {:.2g} %){}",
-                     c.channels.empty() ? "the inputs" : "the other inputs", 100 * c.numbers.at("interval"),
-                     c.channels.empty() ? "" : "; " + lost_gains(c));
+  return fmt::format("the outputs respond to {} as strongly as the model says (± {} %){}",
+                     c.channels.empty() ? "the inputs" : "the other inputs",
+                     words::figure(100 * c.numbers.at("interval"), 2), c.channels.empty() ? "" : "; " + lost_gains(c));
 }
 
 struct ReasonEntry {

@@ -27,6 +27,7 @@ double number(const Finding& f, const char* name) {
   if (found == f.numbers.end()) throw std::logic_error(fmt::format("finding {}: no {}", to_string(f.kind), name));
   return found->second;
 }
+std::string figure(const Finding& f, const char* name) { return words::figure(number(f, name)); }
 Index count(const Finding& f, const char* name) { return Index(std::llround(number(f, name))); }
 bool is(const Finding& f, const char* name) { return number(f, name) == 1; }
 
@@ -66,7 +67,7 @@ std::string sum(const std::vector<Term>& terms, bool timed) {
   std::string text;
   for (const Term& term : terms) {
     const double value = term.factor / terms.front().factor;
-    const std::string size = fmt::format("{:.3g}", std::abs(value)), name = sample(term, timed);
+    const std::string size = words::figure(std::abs(value)), name = sample(term, timed);
     if (!text.empty()) text += value < 0 ? " - " : " + ";
     text += size == "1" ? name : fmt::format("{} {}", size, name);
   }
@@ -173,7 +174,7 @@ std::string misfit_details(const Finding& f) {
   if (weight == 0)
     text += ". It was dropped";
   else if (weight < 1)
-    text += fmt::format(". It counts with the weight {:.2g}", weight);
+    text += fmt::format(". It counts with the weight {}", words::figure(weight, 2));
   else if (is(f, "held_out"))
     text += ". It is held out: the fit on held-out data includes its errors";
   return text;
@@ -242,31 +243,31 @@ constexpr Entry table[] = {
     {Kind::reader_remark, "reader_remark", note, [](const Finding& f) { return f.detail; }},
     {Kind::sample_time_missing, "sample_time_missing", note,
      [](const Finding& f) {
-       return fmt::format("the data state no sample time. dt = {} s is assumed; state dt if it is different",
+       return fmt::format("the data state no sample time. dt = {:.6g} s is assumed; state dt if it is different",
                           number(f, "dt"));
      }},
     {Kind::sample_time_of_model, "sample_time_of_model", note,
      [](const Finding& f) {
-       return fmt::format("the data state no sample time. The model's dt = {} s is assumed", number(f, "dt"));
+       return fmt::format("the data state no sample time. The model's dt = {:.6g} s is assumed", number(f, "dt"));
      }},
     {Kind::axes_of_one_experiment, "axes_of_one_experiment", warning,
      [](const Finding& f) {
        return fmt::format(
-           "u ({}, {}) was read as one experiment of {} with {}; use (N, T, 1) for N experiments with one input, (T, r) for one experiment, not (r, T)",
+           "u ({}, {}) was read as one experiment of {} with {}. For N experiments with one input, use (N, T, 1). For one experiment, use (T, r), not (r, T)",
            count(f, "steps"), count(f, "inputs"), words::plural(count(f, "steps"), "step"),
            words::plural(count(f, "inputs"), "input"));
      }},
     {Kind::axes_of_one_step, "axes_of_one_step", warning,
      [](const Finding& f) {
-       return fmt::format("{}; one experiment of {} is (1, T, channels)", as_read(f),
+       return fmt::format("{}. One experiment of {} has the shape (1, T, channels)", as_read(f),
                           words::plural(count(f, "experiments"), "step"));
      }},
     {Kind::axes_channels_before_time, "axes_channels_before_time", warning,
-     [](const Finding& f) { return as_read(f) + "; the order expected is (N, T, channels), not (N, channels, T)"; }},
+     [](const Finding& f) { return as_read(f) + ". The order needed is (N, T, channels), not (N, channels, T)"; }},
     {Kind::axes_time_before_experiments, "axes_time_before_experiments", warning,
      [](const Finding& f) {
        return as_read(f) +
-              ", but the samples continue from experiment to experiment, not from step to step; the order expected is (N, T, channels), not (T, N, channels)";
+              ". The samples continue from experiment to experiment, not from step to step. The order needed is (N, T, channels), not (T, N, channels)";
      }},
     {Kind::input_zero, "input_zero", warning,
      [](const Finding& f) {
@@ -305,7 +306,7 @@ constexpr Entry table[] = {
     {Kind::experiments_without_overlap, "experiments_without_overlap", warning,
      [](const Finding& f) {
        return fmt::format(
-           "experiment {} begins at step {}, when experiment {} has ended at step {}: experiments without a common step can't be compared. Count the steps or times from the beginning of each experiment",
+           "experiment {} begins at step {}, after experiment {} has ended at step {}. Experiments without a common step can't be compared. Count the steps or times from the beginning of each experiment",
            experiment(f.experiments[0]), f.steps[0], experiment(f.experiments[1]), f.steps[1]);
      }},
     {Kind::inputs_dependent, "inputs_dependent", warning,
@@ -316,19 +317,19 @@ constexpr Entry table[] = {
     {Kind::input_predictable, "input_predictable", warning,
      [](const Finding& f) {
        return fmt::format(
-           "input {} follows from earlier inputs ({}) {}: its effect there can't be separated from the effects of the earlier inputs",
+           "input {} follows from earlier inputs ({}) {}: its effect there can't be separated from theirs",
            channel(f), combination(f, true), where(f));
      }},
     {Kind::input_feedback, "input_feedback", warning,
      [](const Finding& f) {
        return fmt::format(
-           "input {} follows from the samples before it ({}) {}: it is a feedback without independent variation, so its effect there can't be separated from the effects of these samples",
+           "input {} follows from the samples before it ({}) {}. It is a feedback without independent variation, so its effect there can't be separated from theirs. Add a variation of its own to the input",
            channel(f), combination(f, true), where(f));
      }},
     {Kind::more_dependent_inputs, "more_dependent_inputs", warning,
      [](const Finding& f) {
-       return fmt::format("{} more of dependent inputs found, not listed here",
-                          words::plural(count(f, "count"), "combination"));
+       return fmt::format("{} of dependent inputs found, not listed here",
+                          words::plural(count(f, "count"), "more combination"));
      }},
     {Kind::outputs_dependent, "outputs_dependent", warning,
      [](const Finding& f) {
@@ -344,8 +345,8 @@ constexpr Entry table[] = {
     {Kind::output_stuck, "output_stuck", warning,
      [](const Finding& f) {
        return fmt::format(
-           "output {} stays at {:.3g} in experiment {} at steps {}–{}, while the inputs of this experiment move: check whether the sensor of this output is stuck",
-           channel(f), number(f, "value"), experiment(f.experiments[0]), f.steps.front(), f.steps.back());
+           "output {} stays at {} in experiment {} at steps {}–{}, while the inputs of this experiment move. Check whether its sensor is stuck",
+           channel(f), figure(f, "value"), experiment(f.experiments[0]), f.steps.front(), f.steps.back());
      }},
     {Kind::more_stuck_outputs, "more_stuck_outputs", warning,
      [](const Finding& f) {
@@ -363,14 +364,14 @@ constexpr Entry table[] = {
     {Kind::inputs_repeated, "inputs_repeated", warning,
      [](const Finding& f) {
        return fmt::format(
-           "{} repeat {} of the inputs: a repeated course shows the noise, but excites the system no more than its first run. {} different courses are needed at lag order {}",
+           "{} repeat {} of the inputs. A repeated course shows the noise, but excites the system no more than its first run. At lag order {}, {} different courses are needed",
            words::plural(count(f, "experiments"), "experiment"), words::plural(count(f, "courses"), "course"),
-           count(f, "needed"), count(f, "lags"));
+           count(f, "lags"), count(f, "needed"));
      }},
     {Kind::experiment_outlying, "experiment_outlying", warning,
      [](const Finding& f) {
        return fmt::format(
-           "experiment {} does not fit the others: its residuals by models of the others are {} times as large as those of the others{}",
+           "experiment {} does not fit the others: its residuals, by models of the others, are {} times as large as theirs{}",
            experiment(f.experiments[0]), times(number(f, "ratio")), misfit_details(f));
      }},
     {Kind::more_outlying_experiments, "more_outlying_experiments", warning,
@@ -382,10 +383,11 @@ constexpr Entry table[] = {
     {Kind::samples_outlying, "samples_outlying", warning,
      [](const Finding& f) {
        return fmt::format(
-           "experiment {}, output {}: {} up to {:.3g} off {} (median of all experiments: {:.2g}), at {}. {}",
-           experiment(f.experiments[0]), channel(f), words::plural(Index(f.steps.size()), "sample"), number(f, "error"),
-           f.steps.size() == 1 ? "its prediction" : "their predictions", number(f, "usual"), words::step_list(f.steps),
-           about_samples(f));
+           "experiment {}, output {}: {} by up to {} from {} (median of all experiments: {}), at {}. {}",
+           experiment(f.experiments[0]), channel(f),
+           f.steps.size() == 1 ? "1 sample deviates" : fmt::format("{} samples deviate", f.steps.size()),
+           figure(f, "error"), f.steps.size() == 1 ? "its prediction" : "their predictions",
+           words::figure(number(f, "usual"), 2), words::step_list(f.steps), about_samples(f));
      }},
     {Kind::more_outlying_samples, "more_outlying_samples", warning,
      [](const Finding& f) {
@@ -395,20 +397,20 @@ constexpr Entry table[] = {
     {Kind::outliers_undecided, "outliers_undecided", warning,
      [](const Finding& f) {
        return fmt::format(
-           "{} more do not fit the others, but were used: at most a quarter of the experiments (here {}) are left out or counted less. Check whether the data come from one system",
+           "{} more do not fit the others, but were used. At most a quarter of the experiments (here {}) are left out or downweighted. Check whether the data come from one system",
            words::plural(count(f, "count"), "experiment"), count(f, "most"));
      }},
     {Kind::many_misfits, "many_misfits", warning,
      [](const Finding& f) {
        return fmt::format(
-           "the innovations of {} are much larger than those of the others. They are too many to be outliers, and are used: the model may be too simple for their inputs, or the data may come from two systems. Check them, or identify them separately",
+           "the innovations of {} are much larger than those of the others. They are too many to be outliers, so they were used. The model may be too simple for their inputs, or the data may come from two systems. Check them, or identify them separately",
            (f.experiments.size() == 1 ? "experiment " : "experiments ") + listed(f.experiments, 6));
      }},
     {Kind::ill_conditioned, "ill_conditioned", warning,
      [](const Finding& f) {
        return fmt::format(
-           "ill-conditioned windows (condition number above {:.0e}) at {}: the coefficients there have few correct digits",
-           number(f, "condition"), words::step_list(f.steps));
+           "ill-conditioned windows (condition number above {}) at {}: the coefficients there have few correct digits",
+           figure(f, "condition"), words::step_list(f.steps));
      }},
     {Kind::too_few_complete, "too_few_complete", warning,
      [](const Finding& f) {
@@ -425,13 +427,13 @@ constexpr Entry table[] = {
     {Kind::no_freedom, "no_freedom", warning,
      [](const Finding& f) {
        return fmt::format(
-           "{} experiments leave no degree of freedom at lag order {}: the regressions fit any data exactly, and the noise can't be estimated. Use {} or more",
+           "{} experiments leave no degree of freedom at lag order {}: the regressions fit any data exactly, and the noise can't be estimated. Use {} experiments or more",
            count(f, "experiments"), count(f, "lags"), count(f, "sufficient"));
      }},
     {Kind::few_experiments, "few_experiments", warning,
      [](const Finding& f) {
        return fmt::format(
-           "{} experiments are few for the {} unknowns per output and step at lag order {}: noise is hardly averaged out of the coefficients. Use {} or more; {} permit lag orders up to {}",
+           "{} experiments are few for the {} unknowns per output and step at lag order {}: noise is hardly averaged out of the coefficients. Use {} experiments or more. {} experiments permit lag orders up to {}",
            count(f, "experiments"), count(f, "unknowns"), count(f, "lags"), count(f, "sufficient"),
            count(f, "experiments"), count(f, "largest_lags"));
      }},
@@ -455,13 +457,13 @@ constexpr Entry table[] = {
      }},
     {Kind::smoothing_untested, "smoothing_untested", warning,
      [](const Finding& f) {
-       return fmt::format("the record is too short to choose lambda. lambda = {} is used", number(f, "smoothing"));
+       return fmt::format("the record is too short to choose lambda. lambda = {} is used", figure(f, "smoothing"));
      }},
     {Kind::smoothing_by_gaps, "smoothing_by_gaps", warning,
      [](const Finding& f) {
        return fmt::format(
-           "missing samples leave too few windows of successive steps to find variation over time. The regressions use lambda = {}; EM chooses its own lambda",
-           number(f, "smoothing"));
+           "missing samples leave too few windows of successive steps to find variation over time. The regressions use lambda = {}. EM chooses its own lambda",
+           figure(f, "smoothing"));
      }},
     {Kind::no_variation, "no_variation", note,
      [](const Finding&) {
@@ -515,7 +517,7 @@ constexpr Entry table[] = {
     {Kind::states_hidden, "states_hidden", warning,
      [](const Finding& f) {
        return fmt::format(
-           "the Hankel matrices have a rank below {} at {}: the outputs don't show all states there, or the inputs don't reach all states, so the model has fewer states there",
+           "the Hankel matrices have a rank below {} at {}: the outputs don't show all states there, or the inputs don't reach all of them. The model has fewer states there",
            count(f, "states"), words::step_list(f.steps));
      }},
     {Kind::late_begin, "late_begin", note,
@@ -539,13 +541,13 @@ constexpr Entry table[] = {
     {Kind::uncertain_ahead, "uncertain_ahead", warning,
      [](const Finding& f) {
        return fmt::format(
-           "{} steps ahead, the errors on experiments that the models did not see are {:.2g} times as large as the models say. The experiments are few for what varies, or the noise is not white. Use more experiments, and test long predictions and controllers on other data",
-           count(f, "horizon"), number(f, "ratio"));
+           "{} steps ahead, the errors on held-out experiments are {} times as large as the models state. The experiments are few for a system that varies like this, or the noise is not white. Use more experiments, and test long predictions and controllers on other data",
+           count(f, "horizon"), words::figure(number(f, "ratio"), 2));
      }},
     {Kind::model_errs_ahead, "model_errs_ahead", warning,
      [](const Finding& f) {
        return fmt::format(
-           "{} steps ahead, at least {:.0f} % of the variance of the errors comes from the model: models of different parts of the experiments differ by that much. Use more experiments, and test long predictions and controllers on other data",
+           "{} steps ahead, at least {:.0f} % of the error variance comes from errors of the model: models of different parts of the experiments differ by that much. Use more experiments, and test long predictions and controllers on other data",
            count(f, "horizon"), 100 * number(f, "share"));
      }},
     {Kind::em_unreliable, "em_unreliable", warning,
@@ -581,8 +583,8 @@ constexpr Entry table[] = {
     {Kind::em_not_converged, "em_not_converged", warning,
      [](const Finding& f) {
        return fmt::format(
-           "EM has not converged after {}: the last iteration increased the log-likelihood per output sample by {:.2g}",
-           words::plural(count(f, "iterations"), "iteration"), number(f, "gain"));
+           "EM has not converged after {}: the last iteration increased the log-likelihood per output sample by {}",
+           words::plural(count(f, "iterations"), "iteration"), words::figure(number(f, "gain"), 2));
      }},
     {Kind::em_few_experiments, "em_few_experiments", warning,
      [](const Finding& f) {
@@ -611,18 +613,18 @@ constexpr Entry table[] = {
      }},
     {Kind::output_unpredicted, "output_unpredicted", warning,
      [](const Finding& f) {
-       return fmt::format("output {} is predicted no better than by its mean: {:.3g} % fit over one step", channel(f),
-                          number(f, "fit"));
+       return fmt::format("output {} is predicted no better than by its mean: {} % fit over one step", channel(f),
+                          figure(f, "fit"));
      }},
     {Kind::output_missimulated, "output_missimulated", warning,
      [](const Finding& f) {
-       return fmt::format("output {} is simulated worse than by its mean: {:.3g} % fit", channel(f), number(f, "fit"));
+       return fmt::format("output {} is simulated worse than by its mean: {} % fit", channel(f), figure(f, "fit"));
      }},
     {Kind::output_still, "output_still", warning,
      [](const Finding& f) { return fmt::format("output {} is constant in the new experiments", channel(f)); }},
     {Kind::sample_time_differs, "sample_time_differs", warning,
      [](const Finding& f) {
-       return fmt::format("the data's dt = {} s differs from the model's dt = {} s{}", number(f, "data"),
+       return fmt::format("the data's dt = {:.6g} s differs from the model's dt = {:.6g} s{}", number(f, "data"),
                           number(f, "model"),
                           is(f, "stated") ? "" : ", which was identified from data without a sample time");
      }},
@@ -668,7 +670,7 @@ constexpr Entry table[] = {
      [](const Finding& f) {
        return fmt::format(
            "the deciding stretches show no variation over time, but the rest of the record may vary. lambda = {} is used",
-           number(f, "smoothing"));
+           figure(f, "smoothing"));
      }},
     {Kind::experiments_known, "experiments_known", note, [](const Finding& f) { return known(f); }},
     {Kind::state_without_digests, "state_without_digests", warning,
@@ -734,14 +736,14 @@ constexpr Entry table[] = {
     {Kind::bounds_with_bias, "bounds_with_bias", warning,
      [](const Finding& f) {
        return fmt::format(
-           "do not rely on the bounds at {}: there, the smoothing lambda = {:.3g} changes the estimates more than the noise does. The system may change faster than lambda permits, for example at a jump",
-           words::step_list(f.steps), number(f, "smoothing"));
+           "do not rely on the bounds at {}: there, the smoothing lambda = {} changes the estimates more than the noise does. The system may change faster than lambda permits, for example at a jump",
+           words::step_list(f.steps), figure(f, "smoothing"));
      }},
     {Kind::bounds_without_bias, "bounds_without_bias", warning,
      [](const Finding& f) {
        return fmt::format(
-           "the bounds do not include the bias of the smoothing lambda = {:.3g}, because no model with weaker smoothing could be identified. They are too narrow where the system changes fast",
-           number(f, "smoothing"));
+           "the bounds do not include the bias of the smoothing lambda = {}, because no model with weaker smoothing could be identified. They are too narrow where the system changes fast",
+           figure(f, "smoothing"));
      }},
     {Kind::bounds_of_constant_system, "bounds_of_constant_system", note,
      [](const Finding&) {
@@ -770,8 +772,8 @@ constexpr Entry table[] = {
     {Kind::plan_model_uncertain, "plan_model_uncertain", warning,
      [](const Finding& f) {
        return fmt::format(
-           "the innovations of the preliminary model are {:.3g} % of the outputs that it forecasts. Above {:.3g} %, inputs optimised with this model can be worse than orthogonal inputs",
-           number(f, "share"), number(f, "bound"));
+           "the innovations of the preliminary model are {} % of the outputs that it forecasts. Above {} %, inputs optimised with this model can be worse than orthogonal inputs",
+           figure(f, "share"), figure(f, "bound"));
      }},
     {Kind::plan_no_freedom, "plan_no_freedom", warning,
      [](const Finding& f) {
@@ -787,25 +789,25 @@ constexpr Entry table[] = {
     {Kind::plan_rank_by_noise, "plan_rank_by_noise", warning,
      [](const Finding& f) {
        return fmt::format(
-           "p·m = {} (lag order times outputs) exceeds n = {} (states): without noise the windows have at most rank {}, with {} columns, and noise alone determines the other directions",
+           "p·m = {0} (lag order times outputs) exceeds n = {1} (states). Without noise, the windows have {3} columns, but at most rank {2}: noise alone determines the other directions",
            count(f, "lags_outputs"), count(f, "states"), count(f, "rank"), count(f, "unknowns"));
      }},
     {Kind::plan_noisy_input, "plan_noisy_input", warning,
      [](const Finding& f) {
        return fmt::format(
-           "the noise on {} is {:.3g} % of its RMS: if the recorded input is noisy, the coefficients are too small by {:.3g} %",
-           channel(f), number(f, "share"), number(f, "bias"));
+           "the noise on {} is {} % of its RMS: if the recorded input is noisy, the coefficients are too small by {} %",
+           channel(f), figure(f, "share"), figure(f, "bias"));
      }},
     {Kind::plan_inputs_dependent, "plan_inputs_dependent", warning,
      [](const Finding& f) {
        return fmt::format(
-           "the inputs of {} windows are nearly dependent (condition above {:.0e}). Use another kind of inputs, another seed or more experiments",
-           count(f, "windows"), number(f, "condition"));
+           "the inputs of {} windows are nearly dependent (condition above {}). Use another kind of inputs, another seed or more experiments",
+           count(f, "windows"), figure(f, "condition"));
      }},
     {Kind::plan_ill_conditioned, "plan_ill_conditioned", warning,
      [](const Finding& f) {
-       return fmt::format("the model expects {} windows with a condition number above {:.0e}", count(f, "windows"),
-                          number(f, "condition"));
+       return fmt::format("the model expects {} windows with a condition number above {}", count(f, "windows"),
+                          figure(f, "condition"));
      }},
 };
 
@@ -895,17 +897,17 @@ constexpr ExplanationEntry explanations[] = {
      [](const Explanation& e) { return as_usual(fmt::format("the sign of {} changed", name_of(e))); }},
     {Cause::scaled, "scaled",
      [](const Explanation& e) {
-       return as_usual(fmt::format("{} multiplied by {:.3g}", name_of(e), e.numbers.at("factor")));
+       return as_usual(fmt::format("{} multiplied by {}", name_of(e), words::figure(e.numbers.at("factor"))));
      }},
     {Cause::outputs_scaled, "outputs_scaled",
      [](const Explanation& e) {
-       return as_usual(fmt::format("all outputs multiplied by {:.3g}", e.numbers.at("factor")));
+       return as_usual(fmt::format("all outputs multiplied by {}", words::figure(e.numbers.at("factor"))));
      }},
     {Cause::offset, "offset",
      [](const Explanation& e) {
        const double offset = e.numbers.at("offset");
        return as_usual(
-           fmt::format("{:.3g} {} {}", std::abs(offset), offset < 0 ? "subtracted from" : "added to", name_of(e)));
+           fmt::format("{} {} {}", words::figure(std::abs(offset)), offset < 0 ? "subtracted from" : "added to", name_of(e)));
      }},
     {Cause::shifted, "shifted",
      [](const Explanation& e) { return as_usual(fmt::format("{} {}", name_of(e), shift(e))); }},
@@ -914,7 +916,7 @@ constexpr ExplanationEntry explanations[] = {
     {Cause::all_shifted, "all_shifted", [](const Explanation& e) { return as_usual("everything " + shift(e)); }},
     {Cause::stuck, "stuck",
      [](const Explanation& e) {
-       return fmt::format("its {} stays at {:.3g} at steps {}–{}", name_of(e), e.numbers.at("value"), e.steps.front(),
+       return fmt::format("its {} stays at {} at steps {}–{}", name_of(e), words::figure(e.numbers.at("value")), e.steps.front(),
                           e.steps.back());
      }},
     {Cause::one_output, "one_output",

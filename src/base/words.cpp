@@ -106,7 +106,7 @@ std::string figure(double value, int digits) {
   if (std::isnan(value)) return "–";
   if (std::isinf(value)) return value > 0 ? "∞" : "−∞";
   const double size = std::abs(value);
-  if (size == 0 || (size >= 1e-4 && size < 1e5)) {
+  if (size == 0 || (size >= 1e-4 && size < 1e4)) {
     // Numbers in this range get no exponent. A large number is written with all of its integer digits.
     const int integers = size >= 1 ? static_cast<int>(std::log10(size)) + 1 : 1;
     std::string text = fmt::format("{:.{}g}", size, std::max(digits, integers));
@@ -122,7 +122,8 @@ std::string figure(double value, int digits) {
     mantissa.pop_back();
     if (point) break;
   }
-  return fmt::format("{}{}·10{}", value < 0 ? "−" : "", mantissa, superscript(std::stoi(text.substr(e + 1))));
+  const std::string factor = mantissa == "1" ? "" : mantissa + "·";
+  return fmt::format("{}{}10{}", value < 0 ? "−" : "", factor, superscript(std::stoi(text.substr(e + 1))));
 }
 
 std::string probability(double p) { return p < 1e-4 ? "p < 0.0001" : fmt::format("p = {:.3g}", p); }

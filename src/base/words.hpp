@@ -20,8 +20,8 @@ std::string listed(const std::vector<std::string>& names);
 std::string percent(double fit, int digits = 0);
 // "83–97.1 %"; a dash if no fit is finite
 std::string percent_range(const Vector& fits);
-// "0.0123", "1.4·10⁵"; a dash for NaN
-std::string figure(double value, int digits = 4);
+// "0.0123", "1.4·10⁵", "10⁸"; a dash for NaN. All integer digits of a number below 10⁴ are written.
+std::string figure(double value, int digits = 3);
 std::string probability(double p);  // "p = 0.02", "p < 0.0001"
 std::string plural(Index count, std::string_view noun);
 // A name from a file, for use within other text. It is cut to 80 characters. Characters that change the text direction

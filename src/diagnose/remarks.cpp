@@ -82,9 +82,10 @@ Findings prediction_remarks(const Model& model, const Ensemble& data, const Ense
 
 std::string nominal_remark(const NominalTest& test, const Channels& names, Index inputs, Index period) {
   constexpr size_t most_channels = 8;
-  const std::string mean = fmt::format("mean t2 = {:.4g}, threshold {:.4g}", test.statistic, test.threshold);
-  const std::string step =
-      fmt::format("largest t2 of a step = {:.4g}, threshold {:.4g}", test.step_statistic, test.step_threshold);
+  const std::string mean =
+      fmt::format("mean t2 = {}, threshold {}", words::figure(test.statistic), words::figure(test.threshold));
+  const std::string step = fmt::format("largest t2 of a step = {}, threshold {}", words::figure(test.step_statistic),
+                                       words::figure(test.step_threshold));
   if (!test.significant) return fmt::format("none, no significant mean motion: {}; {}", mean, step);
   if (test.departures.empty())
     return fmt::format("the mean motion was removed, it is significant over all steps together: {}", mean);

@@ -11,7 +11,7 @@ import subprocess
 import h5py
 import numpy as np
 import pytest
-from conftest import ROOT
+from conftest import ROOT, unwrapped
 from support import load
 
 PAGE = ROOT / "docs" / "troubleshooting.md"
@@ -443,7 +443,7 @@ def messages(tokid, arguments):
                                           check=False)
     assert result.returncode in (0, 2), result.stderr
     assert (result.returncode == 2) == ("warning: " not in result.stderr and result.stderr != "")
-    lines = [line.removeprefix("tokid: ").removeprefix("warning: ") for line in result.stderr.splitlines()]
+    lines = [line.removeprefix("tokid: ").removeprefix("warning: ") for line in unwrapped(result.stderr).splitlines()]
     lines = [re.sub(r"^\S*/(data|fresh)\.(npz|csv): ", "", line) for line in lines]
     return [re.sub(r"^'\S*/data\.csv'", "'data.csv'", line) for line in lines]
 
@@ -486,7 +486,7 @@ def test_a_stuck_sensor_is_told_once(tokid, tmp_path):
     arguments = CASES["a sensor that is stuck in one experiment"](tmp_path, tokid)
     for more in ([], ["--hold-out", 0.25]):
         text, = (line for line in messages(tokid, [*arguments, *more]) if "experiment 12" in line)
-        assert "check whether the sensor of this output is stuck" in text
+        assert "Check whether its sensor is stuck" in text
 
 
 @pytest.mark.parametrize("third", ["at rest", "an input, a step later"])

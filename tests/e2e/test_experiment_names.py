@@ -225,7 +225,7 @@ def test_experiments_that_share_no_step_have_their_own_rows(tokid, tmp_path):
         np.savez(tmp_path / "data.npz", u=u, y=y, dt=dt, **({} if names is None else {"experiment_names": names}))
         for more in ([], ["--hold-out", 0.25]):
             said = tokid("identify", tmp_path / "data.npz", "-o", tmp_path / "model.npz", "--no-refine", *more).stderr
-            assert f"experiment {late} begins at step 15, when experiment {early} has ended at step 13" in said
+            assert f"experiment {late} begins at step 15, after experiment {early} has ended at step 13" in said
 
 
 def test_repeats_and_stuck_sensors_are_named(tokid, tmp_path):

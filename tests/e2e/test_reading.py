@@ -498,7 +498,7 @@ def test_channels_before_time_in_two_axes(tokid, tmp_path, extension):
     assert "shape (199, 1) found, (200, channels) like 'u' needed" in tokid("info", file, status=2).stderr
     # With as many inputs as outputs they go together.
     write_one(file, u=u[:, :1].T, y=y.T)
-    words = "u (1, 200) was read as one experiment of 1 step with 200 inputs", "(T, r) for one experiment, not (r, T)"
+    words = "u (1, 200) was read as one experiment of 1 step with 200 inputs", "For one experiment, use (T, r), not (r, T)"
     assert told_of(tokid.json("info", file)["warnings"], *words)
     error = tokid("identify", file, "-o", tmp_path / "model.npz", "--time-invariant", status=2).stderr
     assert all(text in error for text in words)
@@ -527,9 +527,9 @@ def test_two_axes_in_another_order(tokid, tmp_path):
     u, y = samples(experiments=30, steps=40)
     rows = write(tmp_path / "rows.npz", u=u[..., 0], y=y[..., 0], dt=0.1)  # (N, T)
     text, = tokid.json("info", rows)["warnings"]
-    assert "u (30, 40) was read as one experiment of 30 steps with 40 inputs; use (N, T, 1)" in text
+    assert "u (30, 40) was read as one experiment of 30 steps with 40 inputs. For N experiments with one input, use (N, T, 1)" in text
     assert "(N, T, 1)" in tokid("identify", rows, "-o", tmp_path / "model.npz", status=2).stderr
     columns = write(tmp_path / "columns.npz", u=u[0].T, y=y[0].T, dt=0.1)  # (channels, T)
-    assert "(T, r) for one experiment, not (r, T)" in tokid.json("info", columns)["warnings"][0]
+    assert "For one experiment, use (T, r), not (r, T)" in tokid.json("info", columns)["warnings"][0]
     one = write(tmp_path / "one.npz", u=u[0][:, np.newaxis], y=y[0][:, np.newaxis], dt=0.1)  # (T, 1, channels)
     assert "(1, T, channels)" in tokid.json("info", one)["warnings"][0]
