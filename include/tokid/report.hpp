@@ -157,6 +157,9 @@ struct Verdict {
 };
 // \throws as report_page
 Verdict verdict(const Model& model, const Ensemble& data, const ReportOptions& options = {});
+// The verdict of identification_page(), without the page.
+Verdict verdict(const Identification& result, const Ensemble& data, const IdentifyOptions& identified,
+                ReportOptions options = {});
 
 struct ReportPage {
   Verdict verdict;

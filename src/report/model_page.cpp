@@ -10,7 +10,7 @@
 
 #include "base/json.hpp"
 #include "base/statistics.hpp"
-#include "io/formats/provenance_text.hpp"
+#include "io/formats/provenance_words.hpp"
 #include "model/comparison.hpp"
 #include "report/assets.hpp"
 #include "report/evidence.hpp"
@@ -278,7 +278,7 @@ class Report {
       model.row("Jumps", fmt::format("the matrices jump at {} {}", choices->jumps.size() > 1 ? "the steps" : "step",
                                      fmt::join(choices->jumps, ", ")));
     model.row("Nominal trajectory", model_.y_nominal.rows() > 0 ? "removed before, added back after" : "none");
-    if (const std::string text = option_text(); !text.empty()) model.row("Options", text);
+    for (const auto& [label, text] : io::provenance_words(model_.provenance)) model.row(label, text);
     if (const std::string& by = model_.provenance.version; !by.empty()) model.row("Made by", "tokid " + by);
     return section("setup", "Data and options",
                    fmt::format("<div class=\"two\"><div><h3>Data</h3>\n{}</div><div><h3>Model</h3>\n{}</div></div>\n",
@@ -296,28 +296,6 @@ class Report {
                              : with_unit(found_.names.output(i), found_.names.output_units, i));
     if (count > most) names.push_back(fmt::format("… ({} in all)", count));
     return fmt::format("{}", fmt::join(names, ", "));
-  }
-
-  // The options that the user chose, and those that the program chose.
-  std::string option_text() const {
-    const std::string whole = io::provenance_text(model_.provenance);
-    const auto json = options_json(whole);
-    if (!json.is_object()) return whole;
-    std::vector<std::string> asked, automatic;
-    for (const auto& [key, value] : json.items()) {
-      if (key == "experiments" || key == "feedthrough_choice") continue;  // have their own rows in the table
-      std::string name = key;
-      std::replace(name.begin(), name.end(), '_', ' ');
-      const std::string text = value.is_string() ? value.get<std::string>() : text_of(value);
-      if (text == "auto")
-        automatic.push_back(name);
-      else
-        asked.push_back(fmt::format("{} {}", name, text));
-    }
-    std::string text = fmt::format("{}", fmt::join(asked, ", "));
-    if (!automatic.empty())
-      text += fmt::format("{}automatic: {}", text.empty() ? "" : "; ", fmt::join(automatic, ", "));
-    return text;
   }
 
   std::string fit_section() const {
@@ -584,7 +562,7 @@ class Report {
                                      lags ? fmt::format("{}", model_.step[s].lags()) : "–",
                                      fmt::format("{}", model_.n(k)),
                                      k < data_.steps() ? figure(found_.step_error[size_t(k)]) : "–"};
-      if (timed()) cells.insert(cells.begin() + 1, figure(double(k) * model_.dt));
+      if (timed()) cells.insert(cells.begin() + 1, figure(double(k) * model_.dt, 6));
       table.row(cells, std::binary_search(found_.ill.begin(), found_.ill.end(), k) ? "mark" : "");
     }
     return table.html();
@@ -933,29 +911,7 @@ ReportPage page_of(const Model& model, const Ensemble& whole, const report::Test
 
 ReportPage identification_page(const Identification& result, const Ensemble& data, const IdentifyOptions& identified,
                                ReportOptions options) {
-  options.evaluation = result.held_out ? Evaluation::held_out : Evaluation::training;
-  options.identified_from = result.experiments;
-  options.findings = result.findings;
-  options.initial_state = result.model.initial_state;
-  std::vector<Index> rows = used_experiments(data.experiments(), result.copies, result.dependent);
-  const Corrections& corrections = result.model.provenance.corrections;
-  const bool all = Index(rows.size()) == data.experiments() && corrections.empty();
-  Ensemble own;
-  if (!all) {
-    Corrected remaining = corrected(data, rows, corrections);
-    own = std::move(remaining.data);
-    rows = std::move(remaining.rows);
-  }
-  const Ensemble& used = all ? data : own;
-  if (!result.held_out && all) return page_of(result.model, data, report::tested(result.model, data, options), &result);
-  if (!result.held_out)
-    return page_of(result.model, data, report::tested_part(data, own, rows, std::move(options)), &result);
-  Split parts = split(used, identified.hold_out, identified.period);
-  for (Index& n : parts.held_out_rows) n = rows[size_t(n)];
-  return page_of(
-      result.model, data,
-      report::tested_part(data, std::move(parts.held_out), std::move(parts.held_out_rows), std::move(options)),
-      &result);
+  return page_of(result.model, data, report::tested(result, data, identified, std::move(options)), &result);
 }
 
 ReportPage report_page(const Model& model, const Ensemble& data, const ReportOptions& options) {

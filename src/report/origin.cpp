@@ -52,4 +52,26 @@ Tested tested(const Model& model, const Ensemble& data, const ReportOptions& opt
   return result;
 }
 
+Tested tested(const Identification& result, const Ensemble& data, const IdentifyOptions& identified,
+              ReportOptions options) {
+  options.evaluation = result.held_out ? Evaluation::held_out : Evaluation::training;
+  options.identified_from = result.experiments;
+  options.findings = result.findings;
+  options.initial_state = result.model.initial_state;
+  std::vector<Index> rows = used_experiments(data.experiments(), result.copies, result.dependent);
+  const Corrections& corrections = result.model.provenance.corrections;
+  const bool all = Index(rows.size()) == data.experiments() && corrections.empty();
+  if (!result.held_out && all) return tested(result.model, data, options);
+  Ensemble own;
+  if (!all) {
+    Corrected remaining = corrected(data, rows, corrections);
+    own = std::move(remaining.data);
+    rows = std::move(remaining.rows);
+  }
+  if (!result.held_out) return tested_part(data, std::move(own), std::move(rows), std::move(options));
+  Split parts = split(all ? data : own, identified.hold_out, identified.period);
+  for (Index& n : parts.held_out_rows) n = rows[size_t(n)];
+  return tested_part(data, std::move(parts.held_out), std::move(parts.held_out_rows), std::move(options));
+}
+
 }  // namespace tokid::report

@@ -18,5 +18,8 @@ struct Tested {
 // `part`: the experiments of `data` in these rows.
 Tested tested_part(const Ensemble& data, Ensemble part, std::vector<Index> rows, ReportOptions options);
 Tested tested(const Model& model, const Ensemble& data, const ReportOptions& options);
+// The data that test the model of an identification from `data`: the held-out experiments, or else all that were used.
+Tested tested(const Identification& result, const Ensemble& data, const IdentifyOptions& identified,
+              ReportOptions options);
 
 }  // namespace tokid::report

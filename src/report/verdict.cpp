@@ -606,4 +606,10 @@ Verdict verdict(const Model& model, const Ensemble& data, const ReportOptions& o
   return report::verdict_of(model, report::evidence(model, tested), tested.options);
 }
 
+Verdict verdict(const Identification& result, const Ensemble& data, const IdentifyOptions& identified,
+                ReportOptions options) {
+  const report::Tested tested = report::tested(result, data, identified, std::move(options));
+  return report::verdict_of(result.model, report::evidence(result.model, tested), tested.options);
+}
+
 }  // namespace tokid
