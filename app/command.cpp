@@ -63,8 +63,8 @@ void Command::columns(ReadOptions& options) {
     };
     described(parser_->add_option_function<std::string>(name, set, description), "A,B,...");
   };
-  add("--inputs", options.inputs, "Columns of a .csv that are inputs (default: names beginning with u)");
-  add("--outputs", options.outputs, "Columns of a .csv that are outputs (default: names beginning with y)");
+  add("--inputs", options.inputs, "Input columns of a .csv (default: names beginning with u)");
+  add("--outputs", options.outputs, "Output columns of a .csv (default: names beginning with y)");
 }
 
 void Command::horizon(Index& target) {
@@ -74,6 +74,8 @@ void Command::horizon(Index& target) {
 void Command::threads(int& target) {
   number("--threads", target, "N", "Threads, 0 for all of the machine (default 1)", 0, 1024);
 }
+
+void Command::verbose(bool& target) { flag("--verbose", target, "Print the details: reasons, candidates, tests"); }
 
 void Command::flag(const char* name, bool& target, const char* description) {
   parser_->add_flag(name, target, description)->disable_flag_override();

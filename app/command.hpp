@@ -56,6 +56,7 @@ class Command {
   void columns(ReadOptions& options);  // --inputs and --outputs, the columns of a .csv
   void horizon(Index& target);
   void threads(int& target);
+  void verbose(bool& target);
   void flag(const char* name, bool& target, const char* description);
   void flag(const char* name, std::function<void()> set, const char* description);
   // A positive whole number, or "auto", which is 0.

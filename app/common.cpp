@@ -13,6 +13,7 @@
 #include <sstream>
 #include <system_error>
 
+#include "base/words.hpp"
 #include "tokid/printable.hpp"
 #include "tool.hpp"
 
@@ -119,28 +120,21 @@ double median(std::vector<double> values) {
 
 // Text
 
-std::string number(double value) { return std::isnan(value) ? "-" : fmt::format("{:.4g}", value); }
-
-std::string percent(double value) {
-  if (std::isnan(value)) return "-";
-  return std::abs(value) < 1e4 ? fmt::format("{:.4f} %", value) : fmt::format("{:.3g} %", value);
-}
-
-std::string penalty(double smoothing) {
-  return std::isinf(smoothing) ? std::string("infinity") : fmt::format("{:.3g}", smoothing);
-}
+std::string number(double value) { return words::figure(value, 3); }
+std::string percent(double fit) { return words::percent(fit, 1); }
+std::string penalty(double smoothing) { return std::isinf(smoothing) ? "infinity" : number(smoothing); }
 
 std::string plural(Index count, const char* noun) { return fmt::format("{} {}{}", count, noun, count == 1 ? "" : "s"); }
 
 std::string describe(const Ensemble& e) { return describe(e.experiments(), e.steps(), e.inputs(), e.outputs(), e.dt); }
 
 std::string describe(Index experiments, Index steps, Index inputs, Index outputs, double dt) {
-  return fmt::format("N = {} experiments, T = {} steps, r = {} inputs, m = {} outputs, dt = {} s", experiments, steps,
-                     inputs, outputs, dt);
+  return fmt::format("N = {} experiments, T = {} steps, r = {} inputs, m = {} outputs, dt = {:.6g} s", experiments,
+                     steps, inputs, outputs, dt);
 }
 
 std::string describe(const Model& model) {
-  return fmt::format("n = {} states, r = {} inputs, m = {} outputs, steps {} to {}, dt = {} s", model.states(),
+  return fmt::format("n = {} states, r = {} inputs, m = {} outputs, steps {} to {}, dt = {:.6g} s", model.states(),
                      model.inputs, model.outputs, model.k_begin, model.k_end() - 1, model.dt);
 }
 
@@ -151,42 +145,10 @@ std::string with_unit(const std::string& name, const std::vector<std::string>& u
   return printable(at < units.size() && !units[at].empty() ? fmt::format("{} [{}]", name, units[at]) : name);
 }
 
-// Each code point counts as one column. This is wrong only for wide characters, such as Chinese ones, and for combining
-// ones.
-size_t width(std::string_view text) {
-  return static_cast<size_t>(
-      std::count_if(text.begin(), text.end(), [](char c) { return (static_cast<unsigned char>(c) & 0xC0U) != 0x80U; }));
-}
-
-constexpr size_t label_width = 15;
-
 }  // namespace
 
 std::string output_label(const Channels& names, Index j) { return with_unit(names.output(j), names.output_units, j); }
 std::string input_label(const Channels& names, Index i) { return with_unit(names.input(i), names.input_units, i); }
-
-void Page::row(std::string_view label, std::string_view text) {
-  std::string line = fmt::format("{:<{}}{}", label, label_width, printable(text));
-  line.erase(line.find_last_not_of(' ') + 1);
-  text_ += line + '\n';
-}
-
-void Page::table(const std::vector<std::vector<std::string>>& rows) {
-  std::vector<size_t> widths;
-  for (const auto& row : rows) {
-    widths.resize(std::max(widths.size(), row.size()));
-    for (size_t c = 0; c < row.size(); ++c) widths[c] = std::max(widths[c], width(row[c]));
-  }
-  for (const auto& row : rows) {
-    std::string line(label_width, ' ');
-    for (size_t c = 0; c < row.size(); ++c) {
-      const std::string padding(widths[c] - width(row[c]), ' ');
-      line += c == 0 ? row[c] + padding : "   " + padding + row[c];
-    }
-    line.erase(line.find_last_not_of(' ') + 1);
-    text_ += line + '\n';
-  }
-}
 
 // Output
 
@@ -290,7 +252,8 @@ void ProgressBar::run(const std::stop_token& stop) {
     const bool noting = note_ && report.seconds_left > note_after_;
     const std::function<std::string()> note = noting ? std::exchange(note_, {}) : nullptr;
     lock.unlock();
-    if (const std::string text = note ? note() : std::string(); !text.empty()) write(blank() + text + '\n');
+    if (const std::string text = note ? note() : std::string(); !text.empty())
+      write(blank() + wrapped(text, line_columns, "\n") + '\n');
     write(line(report, reported));
     drawn_ = true;
     lock.lock();

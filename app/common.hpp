@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "base/finding_json.hpp"
+#include "text.hpp"
 #include "tokid/tokid.hpp"
 
 namespace tokid::app {
@@ -62,8 +63,8 @@ double median(std::vector<double> values);  // NaN for an empty list
 
 // Text
 
-std::string number(double value);  // four digits, "-" for NaN
-std::string percent(double value);
+std::string number(double value);       // three significant digits, a dash for NaN
+std::string percent(double fit);        // as words::percent()
 std::string penalty(double smoothing);  // lambda, or "infinity"
 std::string plural(Index count, const char* noun);
 std::string describe(const Ensemble& ensemble);
@@ -72,18 +73,6 @@ std::string describe(const Model& model);
 // "position [m]", or "y1" without a name
 std::string output_label(const Channels& names, Index j);
 std::string input_label(const Channels& names, Index i);
-
-// A printed text: rows with a label and its text, and tables.
-class Page {
- public:
-  void row(std::string_view label, std::string_view text);
-  // The first row is the heading. The first column is aligned to the left, the others to the right.
-  void table(const std::vector<std::vector<std::string>>& rows);
-  const std::string& text() const { return text_; }
-
- private:
-  std::string text_;
-};
 
 // Output
 

@@ -99,7 +99,7 @@ Eigenvalues eigenvalues(const SpectrumBounds& spectrum) {
 std::string share(double value) {
   if (std::isnan(value)) return "-";
   if (std::isinf(value)) return "infinite";
-  return value < 10 ? fmt::format("{:.3g} %", 100 * value) : fmt::format("{:.0f} times", value);
+  return value < 10 ? number(100 * value) + " %" : number(value) + " times";
 }
 
 std::string share_at_worst(const Widths& widths, Index j) {
@@ -114,7 +114,7 @@ std::string report(const Call& call, const Model& model, const Ensemble& data, c
   page.row("Data", call.data.string());
   page.row("", describe(data));
   page.row("Bounds",
-           fmt::format("{:.4g} % for each value by itself, from {} experiments", 100 * c.level, c.experiments));
+           fmt::format("{} % for each value by itself, from {} experiments", number(100 * c.level), c.experiments));
   page.row("", c.method == BoundsMethod::factors
                    ? fmt::format("by the factors of the regressions, lag order {}; {:.0f} degrees of freedom", c.lags,
                                  c.freedom)
@@ -122,9 +122,8 @@ std::string report(const Call& call, const Model& model, const Ensemble& data, c
                                  plural(c.replicates, "bootstrap replicate"), c.freedom));
   if (c.smoothing > 0) {
     const std::vector<double> bias(c.bias.begin(), c.bias.end());
-    page.row("Smoothing",
-             fmt::format("the bias of lambda = {:.3g} is included: {} times the scatter at the median step",
-                         c.smoothing, number(median(bias))));
+    page.row("Smoothing", fmt::format("the bias of lambda = {} is included: {} times the scatter at the median step",
+                                      number(c.smoothing), number(median(bias))));
   }
   page.row("Half widths", "over the size of the estimates: median over the steps, and largest");
   const Widths markov = markov_widths(c), simulated = output_widths(c.simulated, model),

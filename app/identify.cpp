@@ -10,6 +10,7 @@
 #include "common.hpp"
 #include "model/options.hpp"
 #include "tool.hpp"
+#include "verdict.hpp"
 
 namespace tokid::app {
 
@@ -24,7 +25,7 @@ struct Call {
   Index block = automatic;
   fs::path state;
   bool resume = false;
-  bool json = false, quiet = false;
+  bool json = false, quiet = false, verbose = false;
 };
 
 // Facts about the data, from any source.
@@ -59,7 +60,7 @@ std::vector<double> relative(std::vector<double> logs) {
 }
 
 // With an error of 200 % or more, a model is useless, and the exact number does not matter.
-std::string share(double error) { return error < 1.999 ? fmt::format("{:.3g} %", 100 * error) : "> 200 %"; }
+std::string share(double error) { return error < 1.999 ? number(100 * error) + " %" : "> 200 %"; }
 
 // Candidates with the errors that decided between them.
 struct Trial {
@@ -137,6 +138,42 @@ Json json(const RefinementChoice& choice) {
   return j;
 }
 
+// The verdict on the model, or the reason why there is none.
+struct Judgement {
+  std::optional<Verdict> verdict = {};
+  std::string why_none = {};
+};
+
+// This command with its options, and more options.
+std::string command_with(const Call& call, const std::string& more) {
+  std::string text = fmt::format("tokid identify {} -o {}", word(call.data.string()), word(call.model.string()));
+  if (!call.read.inputs.empty()) text += " --inputs " + word(fmt::format("{}", fmt::join(call.read.inputs, ",")));
+  if (!call.read.outputs.empty()) text += " --outputs " + word(fmt::format("{}", fmt::join(call.read.outputs, ",")));
+  for (const Option& option : option_table()) {
+    const Json value = option.write(call.options);
+    if (value == option.write(IdentifyOptions{})) continue;
+    std::string name = option.key;
+    std::replace(name.begin(), name.end(), '_', '-');
+    std::string given = value.is_string() ? value.get<std::string>() : value.dump();
+    std::erase_if(given, [](char c) { return c == '[' || c == ']'; });
+    text += option.is_switch() ? fmt::format(" --{}{}", given == "no" ? "no-" : "", name)
+                               : fmt::format(" --{} {}", name, given);
+  }
+  if (!call.page.empty()) text += " --report " + word(call.page.string());
+  if (!call.state.empty()) text += " --state " + word(call.state.string());
+  return text + ' ' + more;
+}
+
+NextStep after(const Call& call, const Data& data, const Identification& result, const Judgement& judgement) {
+  if (!judgement.verdict) return test_on_other_data(call.model, extension_of(call.data));
+  constexpr Index enough = 8;  // fewer experiments make a model that says little about the one of all
+  const Index remain = data.experiments - (data.experiments + 4) / 5;
+  const bool can_hold_out = remain >= enough && (result.plan.coupled || remain >= result.min_experiments);
+  return next_step(*judgement.verdict, result.findings,
+                   {call.model, call.data, !result.held_out, can_hold_out,
+                    [&call](const std::string& more) { return command_with(call, more); }});
+}
+
 std::string missing_text(const Data& data) {
   std::string text = data.missing == 0 ? "no missing samples" : plural(data.missing, "missing sample");
   if (data.free_responses > 0) text += fmt::format(", {}", plural(data.free_responses, "free response"));
@@ -186,48 +223,18 @@ void add_smoothing_trials(const SmoothingChoice& choice, Page& page) {
 
 void add_lag_order(const Call& call, const Data& data, const Identification& result, Page& page) {
   const bool tried = result.lag_order_errors.mean.size() > 0;
-  const char* why = call.options.lags ? "as asked" : tried ? "by leave-one-out error" : "the smallest possible";
-  const SmoothingChoice& together = result.smoothing_choice;
-  if (!together.trials.empty()) {
-    page.row("Lag order",
-             fmt::format("p = {}, {}", result.plan.lags, call.options.lags ? "as asked" : "by cross-validation error"));
-    page.row("Smoothing", smoothing_text(call, result));
-    add_smoothing_trials(together, page);
-    return;
-  }
-  page.row("Lag order",
-           fmt::format("p = {}, {}; {} permit lag orders up to p = {}, and this lag order needs at least {}",
-                       result.plan.lags, why, plural(result.experiments, "experiment"), largest_lags(data, result),
-                       result.min_experiments));
+  const bool together = !result.smoothing_choice.trials.empty();
+  const char* why = call.options.lags ? "as asked"
+                    : together        ? "by cross-validation error"
+                    : tried           ? "by leave-one-out error"
+                                      : "the smallest possible";
+  page.row("Lag order", fmt::format("p = {}, {}", result.plan.lags, why));
+  if (!call.verbose) return;
+  if (together) return add_smoothing_trials(result.smoothing_choice, page);
+  page.row("",
+           fmt::format("{} permit lag orders up to p = {}, and this lag order needs at least {}",
+                       plural(result.experiments, "experiment"), largest_lags(data, result), result.min_experiments));
   add_trial(lag_trial(result), page);
-}
-
-void add_refinement(const Identification& result, Page& page) {
-  const RefinementChoice& choice = result.refinement;
-  if (choice.trials.empty()) return;
-  const double before = std::exp(choice.trials.front().error), after = std::exp(choice.error);
-  const bool dropped = std::any_of(result.findings.begin(), result.findings.end(), [](const Finding& finding) {
-    return finding.kind == Finding::Kind::em_worse_one_step || finding.kind == Finding::Kind::em_worse_simulation;
-  });
-  page.row("Refinement", choice.iterations > 0
-                             ? fmt::format("{} of EM with lambda = {}: mean cross-validation error {} instead of {}",
-                                           plural(choice.iterations, "iteration"), penalty(choice.smoothing),
-                                           share(after), share(before))
-                         : dropped
-                             ? "none: EM helped in cross-validation but not on the full data; its result was dropped"
-                             : "none: EM did not lower the cross-validation error");
-}
-
-void add_jumps(const Call& call, const Identification& result, Page& page) {
-  const std::vector<Jump>& jumps = result.refinement.jumps;
-  if (jumps.empty() || result.refinement.iterations == 0) return;
-  std::vector<std::string> texts;
-  for (const Jump& jump : jumps)
-    texts.push_back(jump.loss ? fmt::format("{} ({:.1f} standard errors)", jump.step, *jump.loss)
-                              : std::to_string(jump.step));
-  page.row("Jumps", fmt::format("the matrices jump at {} {}, {}", jumps.size() > 1 ? "the steps" : "step",
-                                fmt::join(texts, ", "),
-                                call.options.jumps ? "as asked" : "by the likelihood in cross-validation"));
 }
 
 void add_states(const Call& call, const Identification& result, Page& page) {
@@ -239,19 +246,39 @@ void add_states(const Call& call, const Identification& result, Page& page) {
                     : tried && result.order_scores.cross_validated ? "by cross-validation error"
                     : tried                                        ? "by prediction and simulation errors"
                                                                    : "the rank of the Hankel matrices";
-  const double gap = result.singular_value_gap;
-  page.row("States", fmt::format("n = {}, {}{}", model.states(), why,
-                                 std::isfinite(gap)
-                                     ? fmt::format("; the next singular value is smaller by a factor of {:.3g}", gap)
-                                     : ""));
+  page.row("States", fmt::format("n = {}, {}", model.states(), why));
+  if (!call.verbose) return;
+  if (const double gap = result.singular_value_gap; std::isfinite(gap))
+    page.row("", fmt::format("the next singular value is smaller by a factor of {}", number(gap)));
   Trial trial = state_trial(result);
-  if (decided_after_em(result)) trial.best = result.refinement.states;
+  if (after_em) trial.best = result.refinement.states;
   add_trial(trial, page);
-  add_refinement(result, page);
-  add_jumps(call, result, page);
-  page.row("Model",
-           fmt::format("{}, {} frame, steps {} to {}, all {} from {} to {}", model.method, model.frame, model.k_begin,
-                       model.k_end() - 1, plural(model.states(), "state"), model.full_begin(), model.full_end() - 1));
+}
+
+void add_refinement(const Identification& result, Page& page) {
+  const RefinementChoice& choice = result.refinement;
+  if (choice.trials.empty()) return;
+  const double before = std::exp(choice.trials.front().error), after = std::exp(choice.error);
+  const bool dropped = std::any_of(result.findings.begin(), result.findings.end(), [](const Finding& finding) {
+    return finding.kind == Finding::Kind::em_worse_one_step || finding.kind == Finding::Kind::em_worse_simulation;
+  });
+  page.row("Refinement", choice.iterations > 0
+                             ? fmt::format("EM, {}, lambda = {}: cross-validation error {} instead of {}",
+                                           plural(choice.iterations, "iteration"), penalty(choice.smoothing),
+                                           share(after), share(before))
+                         : dropped ? "none: EM helped in cross-validation, but not on the full data"
+                                   : "none: EM did not lower the cross-validation error");
+}
+
+void add_jumps(const Call& call, const Identification& result, Page& page) {
+  const std::vector<Jump>& jumps = result.refinement.jumps;
+  if (jumps.empty() || result.refinement.iterations == 0) return;
+  std::vector<std::string> texts;
+  for (const Jump& jump : jumps)
+    texts.push_back(jump.loss ? fmt::format("{} ({} standard errors)", jump.step, number(*jump.loss))
+                              : std::to_string(jump.step));
+  page.row("Jumps", fmt::format("at {} {}, {}", jumps.size() > 1 ? "steps" : "step", fmt::join(texts, ", "),
+                                call.options.jumps ? "as asked" : "by the likelihood in cross-validation"));
 }
 
 Index dropped_experiments(const Identification& result) {
@@ -276,14 +303,14 @@ void add_outliers(const Call& call, const Identification& result, Page& page) {
 void add_fit(const Data& data, const Identification& result, Page& page) {
   const Model& model = result.model;
   const Index held_out = data.experiments - result.experiments - dropped_experiments(result);
-  page.row("Fit", !result.held_out ? "on the training data; --hold-out tests it on other data"
-                  : held_out > 0   ? fmt::format("on {} held out", plural(held_out, "experiment"))
-                                 : fmt::format("on the last {}, held out", plural(data.steps - result.steps, "step")));
-  std::vector<std::vector<std::string>> rows{{"output", "simulation", "one step"}};
+  const std::string where = !result.held_out ? "on the training data"
+                            : held_out > 0   ? fmt::format("on {} held out", plural(held_out, "experiment"))
+                                             : fmt::format("on the last {}", plural(data.steps - result.steps, "step"));
+  std::vector<std::vector<std::string>> rows{{where, "simulation", "one step"}};
   for (Index j = 0; j < model.outputs; ++j)
     rows.push_back({output_label(model.names, j), percent(result.validation.simulation.fit(j)),
                     percent(result.validation.one_step.fit(j))});
-  page.table(rows);
+  page.table("Fit", rows);
   if (data.blocks > 0)
     page.row("", "each block is simulated separately, from a state that the samples before the block determine");
 }
@@ -296,31 +323,56 @@ void add_output_weights(const Call& call, const Identification& result, Page& pa
   if (!texts.empty()) page.row("Weights", fmt::format("{}, as asked", fmt::join(texts, ", ")));
 }
 
-std::string report(const Call& call, const Data& data, const Identification& result) {
+// What was decided before the regressions, and how they came out.
+void add_assumptions(const Call& call, const Data& data, const Identification& result, Page& page) {
+  if (call.verbose || !data.says_initial_state)
+    page.row("Initial state",
+             fmt::format("{}: {}", to_string(result.model.initial_state), result.initial_state_test.reason));
+  if (call.verbose || result.plan.nominal) page.row("Nominal", nominal_text(call, data, result));
+  if (call.verbose) page.row("Feedthrough", in_words(result.plan.feedthrough));
+  add_outliers(call, result, page);
+  add_output_weights(call, result, page);
+}
+
+void add_result(const Call& call, const Identification& result, Page& page) {
   const Model& model = result.model;
+  if (call.verbose)
+    page.row("Model",
+             fmt::format("{}, {} frame, steps {} to {}, all {} from {} to {}", model.method, model.frame, model.k_begin,
+                         model.k_end() - 1, plural(model.states(), "state"), model.full_begin(), model.full_end() - 1));
+  if (call.verbose && !result.plan.coupled)
+    page.row("Regressions", fmt::format("condition up to {}, {} of {} rank deficient", number(result.condition_max),
+                                        result.rank_deficient_steps, plural(result.steps, "step")));
+}
+
+std::string report(const Call& call, const Data& data, const Identification& result, const Judgement& judgement) {
   Page page;
-  page.row("Data", call.data.string());
-  page.row("", describe(data.experiments, data.steps, data.inputs, data.outputs, data.dt));
-  page.row("", missing_text(data));
+  page.row("Data", fmt::format("{}: {} of {}, {}, {}, dt = {:.6g} s", call.data.string(),
+                               plural(data.experiments, "experiment"), plural(data.steps, "step"),
+                               plural(data.inputs, "input"), plural(data.outputs, "output"), data.dt));
+  if (call.verbose || data.missing > 0 || data.free_responses > 0) page.row("", missing_text(data));
   if (data.blocks > 0)
     page.row("Blocks", fmt::format("{} of up to {}; each block also reads {} steps of its neighbours", data.blocks,
                                    plural(data.block, "step"), data.overlap));
   if (data.resumed > 0)
     page.row("", fmt::format("resumed after {} of {} blocks, which an earlier call had finished", data.resumed,
                              data.blocks));
-  page.row("Initial state", fmt::format("{}: {}", to_string(model.initial_state), result.initial_state_test.reason));
-  page.row("Nominal", nominal_text(call, data, result));
-  add_outliers(call, result, page);
-  add_output_weights(call, result, page);
+  add_assumptions(call, data, result, page);
   add_lag_order(call, data, result, page);
-  page.row("Feedthrough", in_words(result.plan.feedthrough));
   add_states(call, result, page);
-  if (!result.plan.coupled)
-    page.row("Regressions", fmt::format("condition up to {:.3g}, {} of {} rank deficient", result.condition_max,
-                                        result.rank_deficient_steps, plural(result.steps, "step")));
+  if (!result.smoothing_choice.trials.empty()) page.row("Smoothing", smoothing_text(call, result));
+  add_refinement(result, page);
+  add_jumps(call, result, page);
+  add_result(call, result, page);
   add_fit(data, result, page);
   page.row("Written", fmt::format("{} in {:.2f} s", call.model.string(), result.seconds));
   if (!call.page.empty()) page.row("", call.page.string());
+  if (judgement.verdict)
+    add_verdict(*judgement.verdict, call.verbose, page);
+  else
+    page.row("Verdict", judgement.why_none);
+  const NextStep next = after(call, data, result, judgement);
+  page.command("Next", next.purpose, next.command);
   return page.text();
 }
 
@@ -422,18 +474,29 @@ Json json(const Call& call, const Data& data, const Identification& result) {
   return j;
 }
 
-void save_page(const Call& call, const Ensemble& data, const Identification& result) {
+// Writes the page if the call asks for one. The verdict is that of the page.
+Judgement judged(const Call& call, const Ensemble& data, const Identification& result) {
   ReportOptions options;
   options.model_name = call.model.filename().string();
   options.data_name = call.data.filename().string();
-  save_text(identification_page(result, data, call.options, options).html, call.page);
+  if (!call.page.empty()) {
+    ReportPage page = identification_page(result, data, call.options, options);
+    save_text(page.html, call.page);
+    return {std::move(page.verdict)};
+  }
+  if (call.quiet || call.json) return {};
+  try {
+    return {verdict(result, data, call.options, options)};
+  } catch (const std::invalid_argument& error) {
+    return {std::nullopt, fmt::format("none: {}", error.what())};
+  }
 }
 
-void print_result(const Call& call, const Data& data, const Identification& result) {
+void print_result(const Call& call, const Data& data, const Identification& result, const Judgement& judgement) {
   if (call.json)
     print(json(call, data, result));
   else if (!call.quiet)
-    print(report(call, data, result));
+    print(report(call, data, result, judgement));
   warn(result.findings);
 }
 
@@ -486,7 +549,9 @@ void run_in_blocks(const Call& call) {
     options.resume = call.resume;
     return identify_stream(file, call.model, options);
   });
-  if (team().rank == 0) print_result(call, about_data(file, streamed), streamed.identification);
+  if (team().rank == 0)
+    print_result(call, about_data(file, streamed), streamed.identification,
+                 {std::nullopt, "none, because the data were read in blocks"});
 }
 
 // One line about the model before EM; empty if it can't be validated.
@@ -520,11 +585,11 @@ void run_at_once(const Call& call) {
   std::optional<UpdateState> state;
   if (!call.state.empty()) state = about(call.data, [&] { return update_state(data, result, call.options); });
   FilesTogether files;
-  if (!call.page.empty()) save_page(call, data, result);
+  const Judgement judgement = judged(call, data, result);
   if (state) save_update_state(*state, *held);
   save_model(result.model, call.model);  // saved last: if the model exists, all files exist
   files.commit();
-  print_result(call, about_data(data), result);
+  print_result(call, about_data(data), result, judgement);
 }
 
 void run(const Call& call) {
@@ -594,8 +659,8 @@ void add_identify(CLI::App& tool) {
                 block_steps, "a whole number from 1 on, auto or all needed");
   command.flag(
       "--resume", call->resume,
-      "Keep finished blocks in FILE.resume until the model is written, and continue from the blocks of a stopped "
-      "call with --resume");
+      "Keep finished blocks in FILE.resume until the model is written. The same call continues from them after a "
+      "stop");
   command.file("--report", call->page, "Page to write that shows whether the model can be trusted: .html");
   const auto file_name = [](const std::string& text) {
     return parse_number<double>(text, 0, 1e300) ? std::nullopt : std::optional<fs::path>(text);
@@ -603,6 +668,7 @@ void add_identify(CLI::App& tool) {
   command.value("--state", call->state, "FILE",
                 "State to write, to which update adds later experiments: .h5, .npz or .mat", file_name,
                 "the name of a file to write needed; --states takes the number of states");
+  command.verbose(call->verbose);
   command.flag("--json", call->json, "Print one JSON object");
   command.flag("--quiet", call->quiet, "Print warnings and errors only");
   command.runs([call] { run(*call); });

@@ -8,6 +8,7 @@
 #include "common.hpp"
 #include "control_rows.hpp"
 #include "io/formats/provenance_text.hpp"
+#include "io/formats/provenance_words.hpp"
 #include "tokid/controller_file.hpp"
 
 namespace tokid::app {
@@ -17,7 +18,7 @@ namespace {
 struct Call {
   fs::path file;
   ReadOptions read{{}, {}, false};
-  bool json = false;
+  bool json = false, verbose = false;
 };
 
 // Ensembles
@@ -226,14 +227,17 @@ std::string report(const Call& call, const Model& model) {
                           ? fmt::format("trajectory of {}", plural(model.u_nominal.rows(), "step"))
                           : "none");
   if (model.has(&Step::has_lags)) page.row("Lag order", text(lag_orders(model)));
-  if (const std::vector<double> condition = conditions(model); !condition.empty())
+  if (const std::vector<double> condition = conditions(model); call.verbose && !condition.empty())
     page.row("Regressions",
              fmt::format("condition median {}, largest {}; {} of {} rank deficient", number(median(condition)),
                          number(largest(condition)), rank_deficient_steps(model), plural(model.steps(), "step")));
-  page.row("Observer", fmt::format("median norm of {} successive closed-loop matrices {}", model.max_lags(),
-                                   number(deadbeat_norm(model))));
+  if (call.verbose)
+    page.row("Observer", fmt::format("median norm of {} successive closed-loop matrices {}", model.max_lags(),
+                                     number(deadbeat_norm(model))));
   if (!noise_fields(model).empty()) page.row("Noise", fmt::format("{}", fmt::join(noise_fields(model), ", ")));
-  if (const std::string options = io::provenance_text(model.provenance); !options.empty()) page.row("Options", options);
+  if (const Index from = model.provenance.experiments; from > 0)
+    page.row("Identified", "from " + plural(from, "experiment"));
+  for (const auto& [label, text] : io::provenance_words(model.provenance)) page.row(label, text);
   return page.text();
 }
 
@@ -324,6 +328,7 @@ void add_info(CLI::App& tool) {
   Command command(tool, "info", "What is in an ensemble, a model or a controller", "tokid info data.h5");
   command.argument("FILE", call->file, "Ensemble, model or controller");
   command.columns(call->read);
+  command.verbose(call->verbose);
   command.flag("--json", call->json, "Print one JSON object");
   command.runs([call] { run(*call); });
 }

@@ -84,7 +84,7 @@ std::string report(const Call& call, const Model& model, const Table& t) {
   page.row("Modes", fmt::format("with the time frozen at steps {} to {}, from the outputs of {} steps", modes.begin,
                                 modes.begin + modes.steps() - 1, modes.window));
   if (t.bounds)
-    page.row("", fmt::format("± {:.4g} % intervals, by {}", 100 * t.bounds->level,
+    page.row("", fmt::format("± {} % intervals, by {}", number(100 * t.bounds->level),
                              plural(t.bounds->replicates, "bootstrap replicate")));
   const Interval* frequency = t.bounds ? &t.bounds->frequency : nullptr;
   const Interval* damping = t.bounds ? &t.bounds->damping : nullptr;
@@ -93,7 +93,7 @@ std::string report(const Call& call, const Model& model, const Table& t) {
   for (const Index k : rows_of(call, modes))
     for (Index i = 0; i < modes.count(); ++i) {
       if (!modes.leads(k, i)) continue;
-      rows.push_back({std::to_string(modes.begin + k), number(time(modes, k)), std::to_string(i + 1),
+      rows.push_back({std::to_string(modes.begin + k), fmt::format("{:.6g}", time(modes, k)), std::to_string(i + 1),
                       with_width(t.frequency(k, i), frequency, k, i, 1.0),
                       with_width(t.frequency(k, i), frequency, k, i, 0.5 / std::numbers::pi),
                       with_width(t.damping(k, i), damping, k, i, 1.0), number(modes.variation(k, i)),
@@ -108,9 +108,9 @@ std::string report(const Call& call, const Model& model, const Table& t) {
       ++all;
       valid += modes.valid(k, i);
     }
-  page.row("Valid", fmt::format("{} of {} pairs of step and mode: they vary by at most {:.3g} while the mode turns by "
+  page.row("Valid", fmt::format("{} of {} pairs of step and mode: they vary by at most {} while the mode turns by "
                                 "one radian",
-                                valid, all, modes.slow));
+                                valid, all, number(modes.slow)));
   if (t.bounds) page.row("", "± of damping includes the variation: the error of freezing is about as large");
   if (unknown > 0)
     page.row("", fmt::format("at {}, a window of outputs does not determine the state", plural(unknown, "step")));

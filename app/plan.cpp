@@ -5,6 +5,7 @@
 
 #include "command.hpp"
 #include "common.hpp"
+#include "verdict.hpp"
 
 namespace tokid::app {
 
@@ -13,7 +14,7 @@ namespace {
 struct Call {
   fs::path model, output;
   PlanOptions options;
-  bool json = false;
+  bool json = false, verbose = false;
 };
 
 // The largest and the median number, and the first step that has the largest number up to rounding errors. NaN is
@@ -42,10 +43,9 @@ std::string describe(const Extreme& e) {
   return fmt::format("median {}, largest {} at step {}", number(e.median), number(e.value), e.step);
 }
 
-// Three digits suffice for expected values.
 std::string share(double value) {
   if (std::isnan(value)) return "-";
-  return value < 10 ? fmt::format("{:.3g} %", 100 * value) : fmt::format("{:.0f} times", value);
+  return value < 10 ? number(100 * value) + " %" : number(value) + " times";
 }
 
 std::string report(const Call& call, const PlanOptions& sizes, const ExperimentPlan& plan) {
@@ -55,7 +55,8 @@ std::string report(const Call& call, const PlanOptions& sizes, const ExperimentP
                                  sizes.inputs, sizes.outputs, plan.lags));
   page.row("Experiments", fmt::format("N = {} of {}; minimum {}, recommended {}", u.experiments(),
                                       plural(u.steps(), "step"), plan.minimum, plan.recommended));
-  for (const std::string& reason : plan.reasons) page.row("", reason);
+  if (call.verbose)
+    for (const std::string& reason : plan.reasons) page.row("", reason);
   page.row("Inputs", fmt::format("{}, seed {}", to_string(plan.kind), sizes.seed));
   std::vector<std::vector<std::string>> rows{{"input", "limit", "peak", "RMS"}};
   for (Index i = 0; i < u.inputs(); ++i) {
@@ -65,7 +66,7 @@ std::string report(const Call& call, const PlanOptions& sizes, const ExperimentP
   page.table(rows);
   page.row("Condition", fmt::format("of the inputs in a window: {}", describe(extreme(plan.input_condition))));
   if (plan.condition.empty()) {
-    page.row("", "of the whole windows: not known without a model of the system; see --model");
+    if (call.verbose) page.row("", "of the whole windows: not known without a model of the system; see --model");
   } else {
     page.row("", fmt::format("of the windows W_k on the model: {}", describe(extreme(plan.condition))));
     if (!std::isnan(plan.start_condition))
@@ -86,6 +87,8 @@ std::string report(const Call& call, const PlanOptions& sizes, const ExperimentP
     page.row("", fmt::format("best one-step error: {} of the outputs; Markov parameters: {}", share(plan.noise_floor),
                              share(plan.markov_error)));
   page.row("Written", call.output.string());
+  page.command("Next", "apply these inputs, measure the outputs, and identify the model",
+               fmt::format("tokid identify measured{} -o model.npz", extension_of(call.output)));
   return page.text();
 }
 
@@ -216,6 +219,7 @@ void add_plan(CLI::App& tool) {
   command.number<std::uint64_t>("--seed", o.seed, "S", "Seed of the random numbers (default 1)", 0);
   command.threads(o.execution.threads);
   command.output(call->output, "Ensemble to write, inputs only: .npz, .h5, .mat or .csv");
+  command.verbose(call->verbose);
   command.flag("--json", call->json, "Print one JSON object");
   command.runs([call] { run(*call); });
 }

@@ -4,6 +4,7 @@
 
 #include "command.hpp"
 #include "common.hpp"
+#include "verdict.hpp"
 
 namespace tokid::app {
 
@@ -14,7 +15,7 @@ struct Call {
   ReadOptions read;
   RefineModelOptions options;
   Index period = 0;  // 0: period of the model
-  bool json = false;
+  bool json = false, verbose = false;
 };
 
 void add_choice_table(const LikelihoodChoice& choice, Page& page) {
@@ -27,6 +28,13 @@ void add_choice_table(const LikelihoodChoice& choice, Page& page) {
   page.table(rows);
 }
 
+NextStep next_step(const Call& call, const Refinement& result) {
+  if (result.converged) return test_on_other_data(call.output, extension_of(call.data));
+  const std::string output = word(call.output.string());
+  return {"continue from here", fmt::format("tokid refine {} {} -o {} --iterations {}", output,
+                                            word(call.data.string()), output, 2 * result.iterations)};
+}
+
 std::string report(const Call& call, const Model& model, const Ensemble& data, const RefinedModel& outcome) {
   const Refinement& result = outcome.refinement;
   Page page;
@@ -34,24 +42,25 @@ std::string report(const Call& call, const Model& model, const Ensemble& data, c
   page.row("", describe(model));
   page.row("Data", call.data.string());
   page.row("", describe(data));
-  page.row("Initial state", to_string(result.model.initial_state));
-  page.row("Feedthrough", in_words(feedthrough_choice(result.model.provenance)));
-  page.row("Smoothing", fmt::format("{}, {}", penalty(outcome.smoothing), outcome.reason));
-  add_choice_table(outcome.choice, page);
+  if (call.verbose) page.row("Initial state", to_string(result.model.initial_state));
+  if (call.verbose) page.row("Feedthrough", in_words(feedthrough_choice(result.model.provenance)));
+  page.row("Smoothing", fmt::format("lambda = {}, {}", penalty(outcome.smoothing), outcome.reason));
+  if (call.verbose) add_choice_table(outcome.choice, page);
   page.row("Likelihood", fmt::format("log-likelihood {} at the start, {} after {}{}",
                                      number(result.start_log_likelihood), number(result.log_likelihood.back()),
                                      plural(result.iterations, "iteration"), result.converged ? ", converged" : ""));
   if (result.noise_segments > 1)
     page.row("Noise", fmt::format("its size varies over time: {}, each with its own size",
                                   plural(result.noise_segments, "segment")));
-  page.row("Fit", "on the same data, before and after, where both models have outputs");
-  std::vector<std::vector<std::string>> rows{{"output", "simulation", "refined", "one step", "refined"}};
+  std::vector<std::vector<std::string>> rows{{"on the same data", "simulation", "refined", "one step", "refined"}};
   for (Index j = 0; j < model.outputs; ++j)
     rows.push_back({output_label(model.names, j), percent(outcome.before.simulation.fit(j)),
                     percent(outcome.after.simulation.fit(j)), percent(outcome.before.one_step.fit(j)),
                     percent(outcome.after.one_step.fit(j))});
-  page.table(rows);
+  page.table("Fit", rows);
   page.row("Written", call.output.string());
+  const NextStep next = next_step(call, result);
+  page.command("Next", next.purpose, next.command);
   return page.text();
 }
 
@@ -154,6 +163,7 @@ void add_refine(CLI::App& tool) {
                      {"auto", std::nullopt}, {"zero", InitialState::zero}, {"unknown", InitialState::unknown}},
                  "States at step 0 (auto: as the data say, else as the model was identified)");
   command.threads(o.execution.threads);
+  command.verbose(call->verbose);
   command.flag("--json", call->json, "Print one JSON object");
   command.runs([call] {
     if (call->period > 0) call->options.refine.period = call->period;

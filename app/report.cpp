@@ -3,6 +3,7 @@
 #include "command.hpp"
 #include "common.hpp"
 #include "report/verdict_json.hpp"
+#include "verdict.hpp"
 
 namespace tokid::app {
 
@@ -49,9 +50,7 @@ void run(const Call& call) {
     return;
   }
   Page text;
-  text.row("Verdict", to_string(page.verdict.trust));
-  text.row("", page.verdict.summary);
-  for (const std::string& reason : page.verdict.reasons) text.row("", "- " + reason);
+  add_verdict(page.verdict, true, text);
   text.row("Written", call.output.string());
   print(text.text());
   warn(options.findings);

@@ -31,9 +31,23 @@ class Help : public CLI::Formatter {
     label("SUBCOMMAND", "COMMAND");
     label("REQUIRED", "(required)");
     label("Positionals", "Arguments");
-    column_width(34);
+    column_width(names_width);
   }
-  std::string make_description(const CLI::App* command) const override { return command->get_description() + "\n\n"; }
+  std::string make_description(const CLI::App* command) const override {
+    return wrapped(command->get_description(), line_columns, "\n") + "\n\n";
+  }
+  // The caller indents the lines after the first one.
+  std::string make_option_desc(const CLI::Option* option) const override {
+    return wrapped(option->get_description(), line_columns - names_width, "\n");
+  }
+  std::string make_subcommand(const CLI::App* command) const override {
+    const std::string separator = "\n" + std::string(names_width, ' ');
+    return fmt::format("  {:<{}}{}\n", command->get_name(), names_width - 2,
+                       wrapped(command->get_description(), line_columns - names_width, separator));
+  }
+
+ private:
+  static constexpr size_t names_width = 34;
 };
 
 // Opens missing standard streams. Otherwise a file opened later would receive the printed text.
@@ -180,7 +194,7 @@ std::string complaint(int argc, const char* const* argv) {
 
 // If stderr cannot be written, the error cannot be reported anywhere.
 void message(std::string_view text) {
-  const std::string line = printable(fmt::format("tokid: {}", text)) + '\n';
+  const std::string line = wrapped(printable(fmt::format("tokid: {}", text)), line_columns - 2, "\n  ") + '\n';
   std::fwrite(line.data(), 1, line.size(), stderr);
 }
 

@@ -22,6 +22,7 @@ Outcome run_tool(int argc, char** argv);
 // The error message for a command line; empty if the command line is valid. The command does not run.
 std::string complaint(int argc, const char* const* argv);
 
-void message(std::string_view text);  // one line on stderr
+// On stderr. Lines after the first one are indented by two columns.
+void message(std::string_view text);
 
 }  // namespace tokid::app

@@ -4,9 +4,11 @@
 #include <cmath>
 #include <map>
 
+#include "base/words.hpp"
 #include "command.hpp"
 #include "common.hpp"
 #include "report/verdict_json.hpp"
+#include "verdict.hpp"
 
 namespace tokid::app {
 
@@ -17,12 +19,12 @@ struct Call {
   ReadOptions read;
   ValidateOptions options;
   Index folds = 0;  // 0: no cross-validation
-  bool json = false;
+  bool json = false, verbose = false;
 };
 
 // One row for each output. The H-step fit has a column if the horizon H is more than one step.
 void add_table(const Call& call, const Model& model, const Validation& v, Vector Fit::*figure,
-               std::string (*format)(double), Page& page) {
+               std::string (*format)(double), const std::string& heading, Page& page) {
   std::vector<std::vector<std::string>> rows{{"output", "simulation", "one step"}};
   const Index horizon = call.options.horizon;
   if (horizon > 1) rows.front().push_back(plural(horizon, "step"));
@@ -30,7 +32,7 @@ void add_table(const Call& call, const Model& model, const Validation& v, Vector
     rows.push_back({output_label(model.names, j), format((v.simulation.*figure)(j)), format((v.one_step.*figure)(j))});
     if (horizon > 1) rows.back().push_back(format((v.horizon.*figure)(j)));
   }
-  page.table(rows);
+  page.table(heading, rows);
 }
 
 // "4 in all folds", "4 in 3 folds, 5 in 2"
@@ -47,14 +49,14 @@ std::string counts(const CrossValidation& cross, Index Fold::*number) {
 
 std::string with_spread(double fit, double spread) {
   if (std::isnan(fit)) return "-";
-  return std::isnan(spread) ? percent(fit) : fmt::format("{:.2f} ± {:.2f} %", fit, spread);
+  std::string text = percent(fit);
+  return std::isnan(spread) ? text : text.insert(text.rfind(" %"), " ± " + words::figure(spread, 2));
 }
 
 void add_cross_validation(const Call& call, const Model& model, const CrossValidation& cross, Page& page) {
-  page.row("Folds",
-           fmt::format("K = {}, each tested with a model of the other experiments, identified with the same options",
-                       cross.folds.size()));
-  page.row("", fmt::format("n = {}; p = {}", counts(cross, &Fold::states), counts(cross, &Fold::lags)));
+  page.row("Folds", fmt::format("K = {}, n = {}; p = {}", cross.folds.size(), counts(cross, &Fold::states),
+                                counts(cross, &Fold::lags)));
+  if (call.verbose) page.row("", "each tested with a model of the other experiments, identified with the same options");
   std::vector<std::vector<std::string>> rows{{"output", "simulation", "one step"}};
   const Index horizon = call.options.horizon;
   if (horizon > 1) rows.front().push_back(plural(horizon, "step"));
@@ -84,8 +86,7 @@ DistinctFits distinct_fits(const Call& call, const Model& model, const Ensemble&
 void add_experiments(const Model& model, const Ensemble& data, const DistinctFits& found, Page& page) {
   const ExperimentFits& fits = found.fits;
   if (fits.experiments() < 2) return;
-  std::vector<std::vector<std::string>> rows{
-      {"worst experiments", "output", "simulation", "one step", "error / limit"}};
+  std::vector<std::vector<std::string>> rows{{"experiment", "output", "simulation", "one step", "error / limit"}};
   for (const Index n : fits.worst_first) {
     Index j = 0;
     const Vector over = fits.over_median.row(n).array().isNaN().select(-1.0, fits.over_median.row(n));
@@ -94,7 +95,33 @@ void add_experiments(const Model& model, const Ensemble& data, const DistinctFit
                     percent(fits.simulation_fit(n, j)), percent(fits.one_step_fit(n, j)),
                     fmt::format("{:.2f}{}", fits.excess(n), fits.outlying(n) ? ", outlying" : "")});
   }
-  if (rows.size() > 1) page.table(rows);
+  if (rows.size() > 1) page.table("Worst", rows);
+}
+
+// The RMS errors, the worst experiments and the tests of the innovations.
+void add_details(const Call& call, const Model& model, const Ensemble& data, const Validation& v, Page& page) {
+  page.row("Compared", v.first_simulated == v.first_predicted
+                           ? fmt::format("from step {} on", v.first_predicted)
+                           : fmt::format("simulations from step {} on, predictions from step {} on", v.first_simulated,
+                                         v.first_predicted));
+  add_table(call, model, v, &Fit::rmse, number, "RMS error", page);
+  if (v.noisy) add_experiments(model, data, distinct_fits(call, model, data), page);
+  const Conclusions found = conclusions(v, model.names);
+  page.row("Innovations", in_words(found.nis));
+  page.row("Whiteness", in_words(found.whiteness));
+  page.row("Inputs", in_words(found.independence));
+  page.row("Gains", in_words(found.gains));
+  page.row("Feedback", in_words(found.feedback));
+}
+
+void add_conclusion(const Call& call, const Model& model, const Ensemble& data, const Findings& findings, Page& page) {
+  ReportOptions options;
+  options.findings = findings;
+  options.horizon = std::max(options.horizon, call.options.horizon);
+  const Verdict conclusion = about(call.data, [&] { return verdict(model, data, options); });
+  add_verdict(conclusion, call.verbose, page);
+  const NextStep next = next_step(conclusion, findings, {call.model, call.data, has_seen(model.provenance, data)});
+  page.command("Next", next.purpose, next.command);
 }
 
 std::string report(const Call& call, const Model& model, const Ensemble& data, const Validation& v,
@@ -104,21 +131,10 @@ std::string report(const Call& call, const Model& model, const Ensemble& data, c
   page.row("", describe(model));
   page.row("Data", call.data.string());
   page.row("", describe(data));
-  page.row("Fit", v.first_simulated == v.first_predicted
-                      ? fmt::format("from step {} on", v.first_predicted)
-                      : fmt::format("simulations from step {} on, predictions from step {} on", v.first_simulated,
-                                    v.first_predicted));
-  add_table(call, model, v, &Fit::fit, percent, page);
-  page.row("RMS error", "");
-  add_table(call, model, v, &Fit::rmse, number, page);
-  if (v.noisy) add_experiments(model, data, distinct_fits(call, model, data), page);
-  const Conclusions found = conclusions(v, model.names);
-  page.row("Innovations", in_words(found.nis));
-  page.row("Whiteness", in_words(found.whiteness));
-  page.row("Inputs", in_words(found.independence));
-  page.row("Gains", in_words(found.gains));
-  page.row("Feedback", in_words(found.feedback));
+  add_table(call, model, v, &Fit::fit, percent, "Fit", page);
+  if (call.verbose) add_details(call, model, data, v, page);
   if (cross) add_cross_validation(call, model, *cross, page);
+  add_conclusion(call, model, data, v.findings, page);
   return page.text();
 }
 
@@ -272,6 +288,7 @@ void add_validate(CLI::App& tool) {
       "Also cross-validate with the options of the model: identify from all but one of K parts of DATA at a time, "
       "and test on the held-out part",
       2, 1'000'000);
+  command.verbose(call->verbose);
   command.flag("--json", call->json, "Print one JSON object");
   command.runs([call] { run(*call); });
 }

@@ -289,4 +289,4 @@ def test_figures_of_regressions_that_were_given_up(tokid, tmp_path):
         assert given_up[key] is None and kept[key] is not None, key
     one = tokid.json(*call, "--time-invariant", "--lags", 3)
     assert one["condition_max"] is None and one["rank_deficient_steps"] is None
-    assert "Regressions" not in tokid(*call, "--time-invariant", "--lags", 3).stdout
+    assert "Regressions" not in tokid(*call, "--time-invariant", "--lags", 3, "--verbose").stdout

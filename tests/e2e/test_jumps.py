@@ -39,7 +39,7 @@ def test_a_jump_is_found(tokid, data, found):
     assert jump["step"] == AT and jump["loss"] > 2
     assert {tuple(trial["jumps"]) for trial in found["refinement"]["trials"]} >= {(), (AT,)}
     text = tokid("identify", data, "-o", data.with_name("again.npz")).stdout
-    assert f"Jumps          the matrices jump at step {AT} ({jump['loss']:.1f} standard errors)" in text
+    assert f"Jumps          at step {AT} ({jump['loss']:.3g} standard errors), " in text
     none = tokid.json("identify", data, "-o", data.with_name("none.npz"), "--jumps", "none")
     assert none["refinement"]["jumps"] == []
     assert one_step_misfit(tokid, data, "found.npz") < 0.95 * one_step_misfit(tokid, data, "none.npz")

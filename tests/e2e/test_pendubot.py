@@ -35,7 +35,7 @@ def test_few_experiments_share_what_they_know(tokid, tmp_path, pendubot):
 
 def test_tvera_says_what_twenty_experiments_can_carry(tokid, tmp_path, pendubot):
     result = tokid("identify", pendubot, "-o", tmp_path / "model.npz", "--method", "tvera", "--hold-out", 0.3,
-                   "--feedthrough")
+                   "--feedthrough", "--verbose")
     # 14 experiments less the one that the mean motion costs: r + p (r + m) = 8, 14, ...
     assert "14 experiments permit lag orders up to p = 1" in result.stdout
     assert "the mean motion was removed" in result.stdout

@@ -93,10 +93,11 @@ def test_a_preliminary_model_is_made_use_of(tokid, tmp_path, oscillator):
 
 
 def test_numbers_for_people(tokid, tmp_path, oscillator):
-    shown = tokid("plan", *SIZES, "--steps", 80, "--noise", "0:0.1", "-o", tmp_path / "inputs.npz").stdout
+    shown = tokid("plan", *SIZES, "--steps", 80, "--noise", "0:0.1", "-o", tmp_path / "inputs.npz",
+                  "--verbose").stdout
     for text in ("minimum 10, recommended 111", "2 + 2·4 = 10", "coefficients add 10 % to the mean square", "not known without a model of the system",
                  str(tmp_path / "inputs.npz")):
-        assert text in shown
+        assert text in shown if text.startswith("/") else text in " ".join(shown.split())
     shown = tokid("plan", "--model", oscillator / "model.npz", "--noise", "0.01:0.1", "--experiments", 60, "-o",
                   tmp_path / "inputs.npz").stdout
     assert re.search(r"best one-step error: \d.* % of the outputs; Markov parameters: \d.* %", shown)

@@ -78,8 +78,10 @@ def test_every_option_of_the_contract_is_in_the_help(tokid):
 
 
 def test_report_for_people(tokid, tmp_path, oscillator):
-    shown = tokid("identify", oscillator / "data.npz", "-o", tmp_path / "model.npz", "--hold-out", 0.2).stdout
-    for text in ("N = 60 experiments, T = 40 steps, r = 2 inputs, m = 2 outputs, dt = 0.05 s", "no missing samples",
+    shown = tokid("identify", oscillator / "data.npz", "-o", tmp_path / "model.npz", "--hold-out", 0.2,
+                  "--verbose").stdout
+    assert "60 experiments of 40 steps, 2 inputs, 2 outputs, dt = 0.05 s" in " ".join(shown.split())
+    for text in ("no missing samples",
                  "48 experiments permit lag orders up to p = 11", "on 12 experiments held out", "as the data say",
                  str(tmp_path / "model.npz")):
         assert text in shown

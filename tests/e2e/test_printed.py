@@ -1,0 +1,191 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""What the tool prints: short reports that end with a verdict and a next step, in lines of at most 100 columns."""
+
+import re
+import shlex
+
+import numpy as np
+import pytest
+
+from conftest import unwrapped
+
+COLUMNS = 100
+
+
+@pytest.fixture(scope="module")
+def folder(tokid, tmp_path_factory):
+    """Noisy experiments, few and many, and their models. Relative names keep the lines independent of the machine."""
+    path = tmp_path_factory.mktemp("printed")
+    noise = ["--steps", 40, "--measurement-noise", 0.1, "--process-noise", 0.01]
+    for name, count, seed in [("few", 8, 1), ("data", 60, 2), ("fresh", 20, 3)]:
+        tokid("example", "oscillator", "-o", path / f"{name}.npz", "--experiments", count, "--seed", seed, *noise)
+    tokid("identify", "data.npz", "-o", "model.npz", "--quiet", cwd=path)
+    return path
+
+
+def rows(text):
+    """Label → text of a report. Lines without a label continue the row before."""
+    found = {}
+    for line in text.splitlines():
+        label = line[:15].strip()
+        if label:
+            last = label
+            found[last] = line[15:]
+        else:
+            found[last] += "\n" + line[15:]
+    return found
+
+
+def next_command(text):
+    """The words of the command that a report ends with."""
+    return shlex.split(re.search(r"tokid (.*)", rows(text)["Next"].replace("\\\n", ""), re.DOTALL)[0])[1:]
+
+
+def assert_narrow(text):
+    for line in text.splitlines():
+        assert len(line) <= COLUMNS, line
+
+
+def commands_of(tokid):
+    return re.findall(r"^  ([a-z]+) ", tokid("--help").stdout.split("Commands:")[1], re.MULTILINE)
+
+
+def test_help_has_narrow_lines(tokid):
+    commands = commands_of(tokid)
+    assert len(commands) >= 17
+    for command in [[], *([name] for name in commands)]:
+        assert_narrow(tokid(*command, "--help").stdout)
+
+
+CALLS = {
+    "identify": ["identify", "data.npz", "-o", "other.npz"],
+    "identify few": ["identify", "few.npz", "-o", "other.npz"],
+    "identify held out": ["identify", "data.npz", "-o", "other.npz", "--hold-out", 0.2],
+    "validate": ["validate", "model.npz", "fresh.npz", "--horizon", 5],
+    "cross-validate": ["validate", "model.npz", "few.npz", "--cross-validate", 2],
+    "info of data": ["info", "data.npz"],
+    "info of a model": ["info", "model.npz"],
+    "refine": ["refine", "model.npz", "data.npz", "-o", "refined.npz", "--iterations", 2],
+    "plan": ["plan", "--model", "model.npz", "-o", "inputs.npz", "--kind", "orthogonal"],
+    "report": ["report", "model.npz", "fresh.npz", "-o", "page.html"],
+}
+
+
+@pytest.mark.parametrize("call", CALLS.values(), ids=CALLS)
+def test_reports_have_narrow_lines(tokid, folder, call):
+    for more in [[], ["--verbose"]] if call[0] != "report" else [[]]:
+        result = tokid(*call, *more, cwd=folder, raw=True)
+        assert result.stdout.count("\n") > 2
+        assert_narrow(result.stdout)
+        assert_narrow(result.stderr)
+
+
+def test_long_names_and_many_outputs_have_narrow_lines(tokid, tmp_path):
+    rng = np.random.default_rng(1)
+    outputs = [f"temperature of the wall behind the second burner, upper side, position {i}" for i in range(5)]
+    u = rng.standard_normal((30, 12, 1))
+    y = np.cumsum(u, axis=1) @ np.ones((1, 5)) + 0.1 * rng.standard_normal((30, 12, 5))
+    np.savez(tmp_path / "wide.npz", u=u, y=y, dt=0.1, initial_state="zero", output_names=outputs, input_names=["q" * 70])
+    for call in (["info", "wide.npz"], ["identify", "wide.npz", "-o", "m.npz", "--verbose"], ["info", "m.npz"],
+                 ["validate", "m.npz", "wide.npz", "--verbose"]):
+        result = tokid(*call, cwd=tmp_path, raw=True)
+        assert_narrow(result.stdout)
+        assert_narrow(result.stderr)
+    # The last call: the ends of shortened names still tell them apart.
+    table = result.stdout.split("\nFit ")[1].splitlines()[1:6]
+    assert len({line[15:55] for line in table}) == 5 and all("…" in line and "position" in line for line in table)
+
+
+@pytest.mark.parametrize("call", [["identify", "data.npz", "-o", "other.npz"],
+                                  ["identify", "few.npz", "-o", "other.npz"],
+                                  ["identify", "data.npz", "-o", "other.npz", "--hold-out", 0.2],
+                                  ["validate", "model.npz", "fresh.npz"],
+                                  ["validate", "model.npz", "data.npz"],
+                                  ["refine", "model.npz", "data.npz", "-o", "refined.npz", "--iterations", 2],
+                                  ["refine", "model.npz", "data.npz", "-o", "refined.npz", "--iterations", 300]])
+def test_the_next_command_can_be_taken(tokid, folder, call):
+    words = next_command(tokid(*call, cwd=folder).stdout)
+    assert words[0] in ("identify", "plan", "validate", "report", "confidence", "refine")
+    tokid(*words, cwd=folder)
+
+
+def test_the_next_step_keeps_the_options_of_the_call(tokid, folder):
+    call = ["identify", "data.npz", "-o", "other.npz", "--states", 4, "--no-refine", "--smoothing", "infinity",
+            "--output-weights", "1,2.5", "--period", 1]
+    words = next_command(tokid(*call, cwd=folder).stdout)
+    assert words[0] == "identify"
+    for name, value in [("--states", "4"), ("--smoothing", "infinity"), ("--output-weights", "1.0,2.5"),
+                        ("--hold-out", "0.2")]:
+        assert words[words.index(name) + 1] == value
+    assert "--no-refine" in words
+
+
+def test_one_verdict(tokid, folder):
+    """identify, validate and report give the same verdict on the same data, and the page shows it."""
+    said = rows(tokid("identify", "data.npz", "-o", "other.npz", "--hold-out", 0.2, "--report", "own.html", "--verbose",
+                      cwd=folder).stdout)["Verdict"]
+    assert said == rows(tokid("identify", "data.npz", "-o", "other.npz", "--hold-out", 0.2, "--verbose",
+                              cwd=folder).stdout)["Verdict"]
+    assert said == rows(tokid("report", "other.npz", "data.npz", "-o", "page.html", cwd=folder).stdout)["Verdict"]
+    assert said == rows(tokid("validate", "other.npz", "data.npz", "--verbose", cwd=folder).stdout)["Verdict"]
+    status, *sentences = said.split("\n")
+    assert status in ("good", "look closer", "don't trust") and sentences
+    page = (folder / "own.html").read_text().replace("&#8288;", "").replace("&nbsp;", " ")
+    assert " ".join(sentences).split(". ")[0] in page
+
+
+def test_more_experiments_are_next_where_they_are_few(tokid, folder):
+    text = tokid("identify", "few.npz", "-o", "other.npz", cwd=folder).stdout
+    assert rows(text)["Verdict"].startswith("look closer. ")
+    assert next_command(text)[0] == "plan"
+
+
+def test_verbose_has_the_details(tokid, folder):
+    call = ["identify", "data.npz", "-o", "other.npz"]
+    brief, verbose = tokid(*call, cwd=folder).stdout, tokid(*call, "--verbose", cwd=folder).stdout
+    assert 2 * len(brief.splitlines()) <= len(verbose.splitlines())
+    assert [*rows(brief)][-3:] == ["Written", "Verdict", "Next"]
+    assert {"Lag order", "States", "Smoothing", "Refinement", "Fit"} <= set(rows(brief))
+    assert "chosen" in verbose and "chosen" not in brief
+    assert "Feedthrough" in rows(verbose) and "Initial state" in rows(verbose)
+
+
+def test_warnings_do_not_depend_on_verbosity(tokid, folder):
+    call = ["identify", "few.npz", "-o", "other.npz"]
+    said = [tokid(*call, *more, cwd=folder).stderr for more in ([], ["--verbose"], ["--quiet"])]
+    assert said[0].startswith("tokid: warning: ") and said[0] == said[1] == said[2]
+
+
+def test_a_broken_message_is_one_message(tokid, folder):
+    result = tokid("identify", "few.npz", "-o", "other.npz", cwd=folder, raw=True)
+    lines = result.stderr.splitlines()
+    assert any(line.startswith("  ") for line in lines)
+    assert all(line.startswith(("tokid: warning: ", "  ")) for line in lines)
+    warnings = tokid.json("identify", folder / "few.npz", "-o", folder / "other.npz")["warnings"]
+    assert unwrapped(result.stderr).splitlines() == [f"tokid: warning: {text}" for text in warnings]
+
+
+def test_no_json_for_people(tokid, folder):
+    tokid("identify", "data.npz", "-o", "options.npz", "--states", 4, "--hold-out", 0.25, "--outliers", "drop",
+          "--report", "options.html", cwd=folder)
+    found = rows(tokid("info", "options.npz", cwd=folder).stdout)
+    assert unwrap(found["Options"]) == "states 4, hold out 0.25, outliers drop; the others at their defaults"
+    assert found["Identified"] == "from 45 experiments"
+    assert "lambda" in found["Chosen"] and "EM" in found["Refined"]
+    assert not set('{}[]"') & set("".join(found.values()))
+    page = (folder / "options.html").read_text()
+    setup = re.search(r'<section id="setup".*?</section>', page, re.DOTALL)[0]
+    assert "states 4, hold out 0.25, outliers drop" in setup
+    assert "{" not in setup and "&quot;" not in setup
+
+
+def unwrap(text):
+    return " ".join(text.split())
+
+
+def test_numbers_have_three_digits(tokid, folder):
+    """Apart from whole numbers, and fits that would be rounded to 100 %."""
+    for call in CALLS.values():
+        text = tokid(*call, cwd=folder).stdout
+        for number in re.findall(r"(?<![\w.·])\d+\.\d+(?![\w.])", re.sub(r"(99\.9\d*| in [\d.]+ s)", "", text)):
+            assert len(number.replace(".", "").lstrip("0")) <= 3, f"{call}: {number}"
