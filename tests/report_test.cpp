@@ -424,7 +424,7 @@ TEST(Verdict, NamesHeldOutExperimentsByTheirRowsInTheData) {
     const Identification found = identify(data, options);
     const std::string expected = named ? fmt::format("\"4\" (row {})", bad) : fmt::format("{}", bad);
     const ReportPage page = identification_page(found, data, options);
-    for (const Verdict& v : {page.verdict, verdict(found.model, data)})
+    for (const Verdict& v : {page.verdict, verdict(found.model, data), verdict(found, data, options)})
       EXPECT_TRUE(contains(all_reasons(v), fmt::format("Errors of experiment {} are more", expected)))
           << all_reasons(v);
     EXPECT_TRUE(contains(page.html, named ? fmt::format("Experiment &quot;4&quot; (row {})", bad)
@@ -469,6 +469,8 @@ TEST(Words, FiguresThatRoundUpToATenthPowerHaveNoExponent) {
   EXPECT_EQ(words::figure(999.6, 3), "1000");
   EXPECT_EQ(words::figure(0.99999), "1");
   EXPECT_EQ(words::figure(123456.0, 3), "1.23·10⁵");
+  EXPECT_EQ(words::figure(12345.0), "1.23·10⁴");
+  EXPECT_EQ(words::figure(-1e8), "−10⁸");
 }
 
 TEST(Verdict, ComparesTimeAndNames) {
