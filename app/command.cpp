@@ -40,6 +40,19 @@ void Command::argument(const char* name, std::vector<fs::path>& files, const cha
   described(parser_->add_option(name, files, description), "");
 }
 
+fs::path shown(const std::vector<fs::path>& paths) {
+  if (paths.size() == 1) return paths.front();
+  return fmt::format("{} and {} more", paths.front().string(), paths.size() - 1);
+}
+
+void Command::data(const char* name, std::vector<fs::path>& paths, fs::path& shown, const char* description) {
+  const auto set = [&paths, &shown](const std::vector<std::string>& texts) {
+    paths.assign(texts.begin(), texts.end());
+    shown = app::shown(paths);
+  };
+  described(parser_->add_option_function<std::vector<std::string>>(name, set, description), "");
+}
+
 void Command::file(const char* name, fs::path& target, const char* description) {
   described(parser_->add_option(name, target, description), "FILE");
 }
@@ -53,18 +66,45 @@ void Command::output(fs::path& target, const char* description, const char* type
 }
 
 void Command::columns(ReadOptions& options) {
-  const auto add = [this](const char* name, std::vector<std::string>& target, const char* description) {
-    const auto set = [&target, name](const std::string& text) {
+  const auto add = [this](const char* name, std::vector<std::string>& target, const char* type, const char* what,
+                          const char* description) {
+    const auto set = [&target, name, what](const std::string& text) {
       target = split_at_commas(text);
       for (const std::string& column : target)
         if (column.empty())
           throw CLI::ValidationError(
-              name, fmt::format("'{}' contains an empty name of a column. Write one comma between two names", text));
+              name, fmt::format("'{}' contains an empty {}. Write one comma between two of them", text, what));
     };
-    described(parser_->add_option_function<std::string>(name, set, description), "A,B,...");
+    described(parser_->add_option_function<std::string>(name, set, description), type);
   };
-  add("--inputs", options.inputs, "Input columns of a .csv (default: names beginning with u)");
-  add("--outputs", options.outputs, "Output columns of a .csv (default: names beginning with y)");
+  constexpr auto name_of_column = "name of a column", word = "word";
+  add("--inputs", options.inputs, "A,B,...", name_of_column,
+      "Columns of a .csv that are inputs (default: names beginning with u)");
+  add("--outputs", options.outputs, "A,B,...", name_of_column,
+      "Columns of a .csv that are outputs (default: names beginning with y)");
+  add("--missing", options.missing, "WORD,...", word,
+      "Words in a .csv that stand for a missing sample, besides Bad, ---, NaN, null and others");
+  choice("--dates", options.dates, {{"day-first", DateOrder::day_first}, {"month-first", DateOrder::month_first}},
+         "Order of the numbers in dates of a .csv such as 03/04/2026 (default: as its dates show)");
+  text(
+      "--trigger", "CONDITION",
+      "Column of a .csv and its value, as 'valve>0.5': step 0 is the first sample where it holds",
+      [&options](const std::string& condition) { return !(options.trigger = condition).empty(); },
+      "a condition needed");
+  number("--before", options.before, "STEPS", "Steps to keep before the trigger (default 0)", Index{0},
+         Index{1'000'000'000});
+  const auto seconds = [](const std::string& number) -> std::optional<std::optional<double>> {
+    const auto dt = parse_number<double>(number, 0.0, std::numeric_limits<double>::max());
+    return dt && *dt > 0 ? std::optional(dt) : std::nullopt;
+  };
+  value("--resample", options.resample, "SECONDS",
+        "Sample time of a common grid on which the samples of a .csv are brought", seconds,
+        "a positive sample time in seconds needed");
+  choice("--resample-method", options.resample_method,
+         {{"linear", ResampleMethod::linear}, {"previous", ResampleMethod::previous}, {"mean", ResampleMethod::mean}},
+         "How they are brought there (default linear)");
+  number("--longest-gap", options.longest_gap, "STEPS", "Longest gap that resampling fills (default 3)", Index{1},
+         Index{1'000'000'000});
 }
 
 void Command::horizon(Index& target) {

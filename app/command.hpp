@@ -38,6 +38,9 @@ std::vector<std::string> split_at_commas(const std::string& text);
 // "0,20,50"; empty if the text is not such a list
 std::optional<std::vector<Index>> parse_steps(const std::string& text);
 
+// How reports name the paths of data: "run1.csv and 24 more".
+fs::path shown(const std::vector<fs::path>& paths);
+
 template <class T>
 using Choices = std::vector<std::pair<std::string, T>>;
 
@@ -50,10 +53,12 @@ class Command {
 
   void argument(const char* name, fs::path& file, const char* description);
   void argument(const char* name, std::vector<fs::path>& files, const char* description);  // one or more
+  // One or more files, folders or patterns that make one ensemble. `shown` becomes their name in reports.
+  void data(const char* name, std::vector<fs::path>& paths, fs::path& shown, const char* description);
   void file(const char* name, fs::path& target, const char* description);
   void files(const char* name, std::vector<fs::path>& targets, const char* description);  // one or more, also repeated
   void output(fs::path& target, const char* description, const char* type = "FILE");      // -o, required
-  void columns(ReadOptions& options);  // --inputs and --outputs, the columns of a .csv
+  void columns(ReadOptions& options);  // --inputs, --outputs, and how a .csv is read
   void horizon(Index& target);
   void threads(int& target);
   void verbose(bool& target);

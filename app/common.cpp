@@ -76,8 +76,19 @@ void check_output(const fs::path& path, Content content, const std::vector<fs::p
 }
 
 Ensemble load_data(const Model& model, const fs::path& path, ReadOptions options) {
+  return load_data(model, std::vector<fs::path>{path}, std::move(options));
+}
+
+Ensemble load_data(const Model& model, const std::vector<fs::path>& paths, ReadOptions options) {
   options.wanted = complete(model.names, model.inputs, model.outputs);
-  return load_ensemble(path, options);
+  return load_ensemble(paths, options);
+}
+
+Json json_of(const std::vector<fs::path>& paths) {
+  if (paths.size() == 1) return paths.front().string();
+  Json list = Json::array();
+  for (const fs::path& path : paths) list.push_back(path.string());
+  return list;
 }
 
 Ensemble load_reference(const Model& model, const fs::path& path, ReadOptions options) {

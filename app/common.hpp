@@ -35,6 +35,8 @@ void check_output(const fs::path& path, Content content, const std::vector<fs::p
 
 // Loads the data for a model. Channels that have the names of the model's channels are found by name.
 Ensemble load_data(const Model& model, const fs::path& path, ReadOptions options);
+Ensemble load_data(const Model& model, const std::vector<fs::path>& paths, ReadOptions options);
+Json json_of(const std::vector<fs::path>& paths);  // one text, or a list of several
 
 // Loads the wanted outputs of a model, one experiment. \throws std::invalid_argument for another number of experiments
 Ensemble load_reference(const Model& model, const fs::path& path, ReadOptions options);

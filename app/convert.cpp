@@ -8,26 +8,36 @@ namespace tokid::app {
 namespace {
 
 struct Call {
-  fs::path input, output;
+  std::vector<fs::path> paths;
+  fs::path input, output;  // `input`: how the report names the paths
   ReadOptions read{{}, {}, false};
   WriteOptions write;
 };
 
+// The last path is the file to write.
+Call with_output(Call call) {
+  if (call.paths.size() < 2) throw std::invalid_argument("OUT is required; see 'tokid convert --help'");
+  call.output = call.paths.back();
+  call.paths.pop_back();
+  call.input = shown(call.paths);
+  return call;
+}
+
 void run(const Call& call) {
-  const FileKind kind = file_kind(call.input);
+  const std::optional<FileKind> kind = call.paths.size() == 1 ? std::optional(file_kind(call.input)) : std::nullopt;
   if (kind == FileKind::controller)
     throw std::invalid_argument(
         fmt::format("{}: a controller of tokid lqr found, an ensemble or a model needed", call.input.string()));
   const bool model = kind == FileKind::model;
   // The converted file has only the arrays and columns that tokid uses. The original must therefore not be replaced.
-  check_output(call.output, model ? Content::model : Content::ensemble, {call.input});
+  check_output(call.output, model ? Content::model : Content::ensemble, call.paths);
   if (call.write.mat73 && extension_of(call.output) != ".mat")
     throw std::invalid_argument(fmt::format("--mat73: the output is '{}', a .mat needed", call.output.string()));
   std::vector<std::string> warnings;
   if (model) {
     save_model(load_model(call.input), call.output, call.write);
   } else {
-    const Ensemble data = load_ensemble(call.input, call.read);
+    const Ensemble data = load_ensemble(call.paths, call.read);
     warnings = data.remarks;
     save_ensemble(data, call.output, call.write);
   }
@@ -45,11 +55,12 @@ void add_convert(CLI::App& tool) {
   const auto call = std::make_shared<Call>();
   Command command(tool, "convert", "Convert an ensemble or a model to another format",
                   "tokid convert data.csv data.mat --mat73");
-  command.argument("IN", call->input, "Ensemble or model to read");
-  command.argument("OUT", call->output, "File to write; its extension determines the format");
+  command.argument("IN ... OUT", call->paths,
+                   "Ensemble or model to read, or many .csv: files, a folder, a pattern; then the file to write, whose "
+                   "extension determines the format");
   command.columns(call->read);
   command.flag("--mat73", call->write.mat73, "Write a .mat of MATLAB version 7.3");
-  command.runs([call] { run(*call); });
+  command.runs([call] { run(with_output(*call)); });
 }
 
 }  // namespace tokid::app

@@ -19,7 +19,8 @@ namespace {
 constexpr Index automatic = 0, all_at_once = -1;  // for `block`
 
 struct Call {
-  fs::path data, model, page;
+  std::vector<fs::path> paths;
+  fs::path data, model, page;  // `data`: how reports name the paths
   ReadOptions read;
   IdentifyOptions options;
   Index block = automatic;
@@ -397,7 +398,7 @@ Json json(const NominalTest& test, const Model& model, Index inputs) {
 Json json(const Call& call, const Data& data, const Identification& result) {
   const Model& model = result.model;
   Json j;
-  j["data"] = call.data.string();
+  j["data"] = json_of(call.paths);
   j["model"] = call.model.string();
   j["report"] = call.page.empty() ? Json() : Json(call.page.string());
   j["block"] = data.blocks > 0 ? Json(data.block) : Json();
@@ -514,7 +515,7 @@ bool in_blocks(const Call& call) {
   const bool possible = is_hdf5(call.model) && call.page.empty() && call.state.empty() && o.period == 0 &&
                         o.smoothing != std::numeric_limits<double>::infinity() && o.frame != Frame::reference &&
                         o.outliers == OutlierChoice::keep && (!o.jumps || o.jumps->empty());
-  const std::optional<double> bytes = possible ? bytes_in_blocks(call.data) : std::nullopt;
+  const std::optional<double> bytes = possible && call.paths.size() == 1 ? bytes_in_blocks(call.data) : std::nullopt;
   return bytes && (*bytes > much || team().size > 1);
 }
 
@@ -532,7 +533,7 @@ void run_in_blocks(const Call& call) {
         "--inputs, --outputs: not possible with --block. They choose columns of a .csv, and a .csv can't be read "
         "in blocks. Leave out --block, or --inputs and --outputs");
   if (!is_hdf5(call.data)) {
-    file_kind(call.data);  // does it exist?
+    for (const fs::path& path : call.paths) file_kind(path);  // does it exist?
     throw std::invalid_argument(fmt::format(
         "--block: '{}' found, an .h5 needed, because other formats can't be read in blocks. Convert the data "
         "with tokid convert",
@@ -572,7 +573,7 @@ void run_at_once(const Call& call) {
   // update would be lost.
   std::optional<FileLock> held;
   if (!call.state.empty()) held.emplace(held_file(call.state));
-  const Ensemble data = load_ensemble(call.data, call.read);
+  const Ensemble data = load_ensemble(call.paths, call.read);
   const Identification result = about(call.data, [&call, &data] {
     ProgressBar bar(!call.quiet);
     IdentifyOptions options = call.options;
@@ -593,9 +594,11 @@ void run_at_once(const Call& call) {
 }
 
 void run(const Call& call) {
-  check_output(call.model, Content::model, {call.data});
+  check_output(call.model, Content::model, call.paths);
   if (!call.page.empty()) check_output(call.page, Content::page);
-  if (!call.state.empty()) check_output(call.state, Content::state, {call.data, call.model});
+  std::vector<fs::path> kept = call.paths;
+  kept.push_back(call.model);
+  if (!call.state.empty()) check_output(call.state, Content::state, kept);
   if (call.options.reference_step && call.options.frame != Frame::reference)
     throw std::invalid_argument("--reference-step: used only in the reference frame. Add --frame reference");
   const bool blocks = in_blocks(call);
@@ -646,7 +649,8 @@ void add_identify(CLI::App& tool) {
   IdentifyOptions& o = call->options;
   Command command(tool, "identify", "Identify a time varying model from an ensemble of experiments",
                   "tokid identify data.npz -o model.npz --hold-out 0.2");
-  command.argument("DATA", call->data, "Ensemble: .npz, .h5, .mat or .csv");
+  command.data("DATA", call->paths, call->data,
+               "Ensemble: .npz, .h5, .mat or .csv; or many .csv: files, a folder, a pattern");
   command.output(call->model, "Model to write: .npz, .h5 or .mat");
   command.columns(call->read);
   add_options(command, o);

@@ -16,7 +16,8 @@ namespace tokid::app {
 namespace {
 
 struct Call {
-  fs::path file;
+  std::vector<fs::path> paths;
+  fs::path file;  // how reports name the paths
   ReadOptions read{{}, {}, false};
   bool json = false, verbose = false;
 };
@@ -46,7 +47,7 @@ std::vector<Channel> channels(const Ensemble& e) {
 
 Json json(const Call& call, const Ensemble& e) {
   Json j;
-  j["file"] = call.file.string();
+  j["file"] = json_of(call.paths);
   j["kind"] = "ensemble";
   j["experiments"] = e.experiments();
   j["experiment_names"] = e.experiment_names.empty() ? Json() : Json(e.experiment_names);
@@ -313,10 +314,12 @@ void show(const Call& call, const Content& content) {
 }
 
 void run(const Call& call) {
-  const FileKind kind = file_kind(call.file);
-  if (kind == FileKind::model) return show(call, load_model(call.file));
-  if (kind == FileKind::controller) return show(call, load_controller(call.file));
-  const Ensemble data = load_ensemble(call.file, call.read);
+  if (call.paths.size() == 1) {
+    const FileKind kind = file_kind(call.file);
+    if (kind == FileKind::model) return show(call, load_model(call.file));
+    if (kind == FileKind::controller) return show(call, load_controller(call.file));
+  }
+  const Ensemble data = load_ensemble(call.paths, call.read);
   show(call, data);
   warn(remarks(data));
 }
@@ -326,7 +329,8 @@ void run(const Call& call) {
 void add_info(CLI::App& tool) {
   const auto call = std::make_shared<Call>();
   Command command(tool, "info", "What is in an ensemble, a model or a controller", "tokid info data.h5");
-  command.argument("FILE", call->file, "Ensemble, model or controller");
+  command.data("FILE", call->paths, call->file,
+               "Ensemble, model or controller; or many .csv: files, a folder, a pattern");
   command.columns(call->read);
   command.verbose(call->verbose);
   command.flag("--json", call->json, "Print one JSON object");

@@ -15,7 +15,8 @@ namespace tokid::app {
 namespace {
 
 struct Call {
-  fs::path model, data;
+  std::vector<fs::path> paths;
+  fs::path model, data;  // `data`: how reports name the paths
   ReadOptions read;
   ValidateOptions options;
   Index folds = 0;  // 0: no cross-validation
@@ -203,7 +204,7 @@ Json json(const Call& call, const Model& model, const Ensemble& data, const Vali
           const std::optional<CrossValidation>& cross) {
   Json j;
   j["model"] = call.model.string();
-  j["data"] = call.data.string();
+  j["data"] = json_of(call.paths);
   j["experiments"] = data.experiments();
   j["steps"] = data.steps();
   j["output_names"] = Json::array();
@@ -253,7 +254,7 @@ CrossValidation cross_validation(const Call& call, const Model& model, const Ens
 
 void run(const Call& call) {
   const Model model = load_model(call.model);
-  const Ensemble data = load_data(model, call.data, call.read);
+  const Ensemble data = load_data(model, call.paths, call.read);
   Validation result = about(call.data, [&] { return validate_distinct(model, data, call.options); });
   Findings findings = remarks(model, data);
   append(findings, std::move(result.findings));
@@ -278,7 +279,8 @@ void add_validate(CLI::App& tool) {
   Command command(tool, "validate", "How good a model is on data: fits, and tests of its innovations",
                   "tokid validate model.npz fresh.npz --horizon 10");
   command.argument("MODEL", call->model, "Model: .npz, .h5 or .mat");
-  command.argument("DATA", call->data, "Ensemble: .npz, .h5, .mat or .csv");
+  command.data("DATA", call->paths, call->data,
+               "Ensemble: .npz, .h5, .mat or .csv; or many .csv: files, a folder, a pattern");
   command.columns(call->read);
   command.horizon(call->options.horizon);
   command.number<Index>("--from", call->options.first_step, "STEP",

@@ -109,6 +109,15 @@ def tables(tokid, folder):
     write(folder("ensemble_csv"), "notes.csv",
           '# dt = 0.5\n# length = [2]\n# initial_state = unknown\n# input_names = ["a"]\n# input_units = ["V"]\n\n'
           'a,y\n1,2\n3,nan\n')
+    write(folder("ensemble_csv"), "german.csv",
+          'Anlage;7\n\nZeit;u [V];y\ns;;\u00b0C\n0,0;1,5;20\n0,1;---;Bad;\n;;\n'.encode("latin-1"))
+    write(folder("ensemble_csv"), "stamps.csv",
+          'Date\tClock\tu\ty (degC)\n13/04/2026\t11:59:59.5 PM\t1\t2\n14/04/2026\t12:00:00 AM\t1\tI/O Timeout\n')
+    table = "time;valve [%];T (degC);phase\n27.11.2026 13:12:05,1;{};20;idle\n27.11.2026 13:12:05,3;1,5;21;heat\n"
+    write(folder("recordings"), "trigger.txt",
+          "valve\nT\n-999\nphase == heat\n\n\n" + table.format(0) + "\f" + table.format("-999"))
+    write(folder("recordings"), "mean.txt", "valve [%]\nT\n\n\n0.15\nmean\n" + table.format("0,5"))
+    write(folder("recordings"), "linear.txt", "u\ny\n\nu>0.5\n0.05\nlinear\n# t,u,y\n0,0,1\n0.1,1,2\n0.25,2,3\n9,1,1\n")
     write(folder("columns"), "chosen.csv", "a,b\ny\ntime,a,b,y\n0,1,2,3\n1,4,5,6\n")
 
 

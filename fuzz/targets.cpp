@@ -122,6 +122,40 @@ void columns(std::string_view bytes) {
   refuses_or_reads([&] { load_ensemble(path, options); });
 }
 
+std::string_view taken_line(std::string_view& bytes) {
+  const size_t end = std::min(bytes.find('\n'), bytes.size());
+  const std::string_view line = bytes.substr(0, end);
+  bytes.remove_prefix(std::min(end + 1, bytes.size()));
+  return line;
+}
+
+// The names of inputs, the names of outputs, a word for missing samples, a trigger, a sample time and a method, then
+// two tables, which a form feed separates.
+void recordings(std::string_view bytes) {
+  ReadOptions options;
+  options.outputs_required = false;
+  for (auto* names : {&options.inputs, &options.outputs, &options.missing})
+    if (const std::string_view line = taken_line(bytes); !line.empty())
+      *names = app::split_at_commas(std::string(line));
+  options.trigger = taken_line(bytes);
+  options.before = options.trigger.empty() ? 0 : 2;
+  if (const auto dt = app::parse_number<double>(std::string(taken_line(bytes)), 1e-9, 1e9)) options.resample = *dt;
+  const std::string_view method = taken_line(bytes);
+  options.resample_method = method == "mean"       ? ResampleMethod::mean
+                            : method == "previous" ? ResampleMethod::previous
+                                                   : ResampleMethod::linear;
+  static const File first("-1.csv"), second("-2.csv");
+  const size_t end = std::min(bytes.find('\f'), bytes.size());
+  std::vector<fs::path> paths{first.filled(bytes.substr(0, end))};
+  if (end < bytes.size()) paths.push_back(second.filled(bytes.substr(end + 1)));
+  refuses_or_reads([&] {
+    try {
+      load_ensemble(paths, options).check(false);
+    } catch (const std::invalid_argument&) {
+    }
+  });
+}
+
 // A block of a journal, of the record that make_corpus.py makes.
 void journal(std::string_view bytes) {
   stream::BlockLayout layout;
@@ -176,6 +210,7 @@ constexpr Target table[] = {{"ensemble_npz", ensemble<npz>},
                             {"ensemble_mat73", ensemble<mat>, true},
                             {"ensemble_csv", ensemble<csv>},
                             {"columns", columns},
+                            {"recordings", recordings},
                             {"blocks", blocks, true},
                             {"model_npz", model<npz>},
                             {"model_h5", model<h5>, true},

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <string_view>
@@ -33,6 +34,13 @@ class WriteError : public IoError {
   int error_;
 };
 
+// How samples at uneven times become samples of a grid: by linear interpolation, as the last sample at or before each
+// step, or as the mean of the samples within half a step.
+enum class ResampleMethod { linear, previous, mean };
+
+// The order of day and month in dates such as 03/04/2026. Automatic: the dates of the column decide, or it is refused.
+enum class DateOrder { automatic, day_first, month_first };
+
 struct ReadOptions {
   // Columns of a .csv that are inputs and outputs; empty: the columns whose names begin with u and y.
   std::vector<std::string> inputs = {}, outputs = {};
@@ -41,6 +49,16 @@ struct ReadOptions {
   // reader returns the channels with these names, in this order. In a .csv it takes the columns with these names,
   // unless `inputs` and `outputs` state other columns. Empty: all channels in the order of the file.
   Channels wanted = {};
+  // Of .csv files alone:
+  std::vector<std::string> missing = {};  // more words that stand for a missing sample, such as "-999"
+  DateOrder dates = DateOrder::automatic;
+  // "valve > 0.5": the first sample at which this holds becomes step 0 of its experiment. Any column, one of
+  // > >= < <= == !=, and a number; with == and != also a text. Empty: no alignment.
+  std::string trigger = {};
+  std::int64_t before = 0;              // steps that are kept before the trigger, ≥ 0
+  std::optional<double> resample = {};  // sample time of a new common grid [s]; empty: the samples stay
+  ResampleMethod resample_method = ResampleMethod::linear;
+  std::int64_t longest_gap = 3;  // steps: longer gaps are not filled by resampling, ≥ 1
 };
 
 // Identity of a file and its last change. `changed` is the time of the last status change. Programs can set the time
@@ -55,6 +73,13 @@ enum class FileKind { ensemble, model, controller };
 // Reading of files; docs/formats.md has the names and shapes. \throws IoError
 FileKind file_kind(const std::filesystem::path& path);
 Ensemble load_ensemble(const std::filesystem::path& path, const ReadOptions& options = {});
+// Many .csv files: each experiment of each file is an experiment of the ensemble, named after its file. A path may be a
+// file, a folder (all its .csv files) or a pattern (runs/*.csv). The files are sorted by name, run2 before run10.
+// Channels are found by name, and lengths may differ. One path is read as by the function above, which also takes
+// folders and patterns. \throws std::invalid_argument for an empty list
+Ensemble load_ensemble(const std::vector<std::filesystem::path>& paths, const ReadOptions& options = {});
+// The .csv files of a folder or of a pattern, sorted by name; the path itself, if it is that of a file.
+std::vector<std::filesystem::path> data_files(const std::filesystem::path& path);
 Model load_model(const std::filesystem::path& path);
 
 // MATLAB version of .mat files: 7.3 if mat73, else 7.

@@ -532,7 +532,7 @@ BAD = {
         {"time": [0, 1, 2.2], "u1": [1.0, 2.0, 3.0]},
         {"dt": 1.0},
         "row 2, column 'time': 2.2 found, which differs by 0.2 from even steps of 1 that begin at 0; resample to "
-        "even times, or number the steps in a column 'k'",
+        "even times (option resample), or number the steps in a column 'k'",
     ),
     "wild": (
         {"k": [0, 10**9], "u1": [1.0, 2.0]},

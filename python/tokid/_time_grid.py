@@ -114,8 +114,8 @@ class Grid:
             off = abs(times[row] - self.begin - step[row] * spacing)
             raise ValueError(
                 f"row {row}, column 'time': {text_of(times[row])} found, which differs by {off:.4g} from even steps of "
-                f"{text_of(spacing)} that begin at {text_of(self.begin)}; resample to even times, or number "
-                f"the steps in a column 'k'"
+                f"{text_of(spacing)} that begin at {text_of(self.begin)}; resample to even times (option resample), "
+                f"or number the steps in a column 'k'"
             )
         steps = float(step.max()) + 1
         # A single wrong time or step number must not require a huge grid.

@@ -1,32 +1,26 @@
-// Tidy .csv: a row for each experiment and step, a column for each channel. Comments before the header contain all
-// other information.
+// Reads .csv files as people have them: one ensemble from one table, or from many tables with an experiment each.
 // SPDX-License-Identifier: BSD-3-Clause
-#include <csv.h>
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
-#include <deque>
-#include <fstream>
-#include <functional>
 #include <limits>
 #include <map>
-#include <numeric>
 #include <optional>
 #include <unordered_map>
-#include <unordered_set>
 
-#include "base/json.hpp"
 #include "base/words.hpp"
+#include "io/formats/cells.hpp"
 #include "io/formats/column_remarks.hpp"
+#include "io/formats/columns.hpp"
+#include "io/formats/dialect.hpp"
 #include "io/formats/formats.hpp"
-#include "io/formats/time_axis.hpp"
-#include "io/formats/time_unit.hpp"
-#include "io/guard/atomic_file.hpp"
-#include "io/guard/claims.hpp"
-#include "io/guard/text_checksum.hpp"
-#include "io/text.hpp"
+#include "io/formats/notes.hpp"
+#include "io/formats/records.hpp"
+#include "io/formats/table_text.hpp"
+#include "io/formats/time_stamp.hpp"
+#include "io/guard/descriptor.hpp"
+#include "io/naming.hpp"
 #include "tokid/parallel.hpp"
 
 namespace tokid::io {
@@ -35,402 +29,342 @@ namespace {
 
 constexpr double missing = std::numeric_limits<double>::quiet_NaN();
 
-// ---- the first line of a file that tokid wrote: the checksum of the rest ----
+// ---- the trigger ----
 
-constexpr std::string_view checksum_begin = "# checksum = ";
-
-std::string checksum_line(std::string_view digits) { return fmt::format("{}{}\n", checksum_begin, digits); }
-
-// Does this look like a checksum of tokid? One character of it may be damaged, and a spreadsheet program may have added
-// empty cells. A checksum of another program looks different.
-bool is_ours(std::string_view digits) {
-  digits = digits.substr(0, digits.find_last_not_of(",;\t ") + 1);
-  const auto is_digit = [](char c) { return std::string_view("0123456789abcdef").find(c) != std::string_view::npos; };
-  return digits.size() <= 16 &&
-         std::count_if(digits.begin(), digits.end(), is_digit) + 1 >= std::ptrdiff_t(digits.size());
-}
-
-// The checksum in this line; empty for another kind of line. If one character before the digits is damaged, the result
-// is "", which matches no text.
-std::optional<std::string> checksum_in(std::string_view line) {
-  if (line.size() < checksum_begin.size()) return std::nullopt;
-  const auto same = std::inner_product(checksum_begin.begin(), checksum_begin.end(), line.begin(), size_t{0},
-                                       std::plus<>(), std::equal_to<>());
-  if (same + 1 < checksum_begin.size()) return std::nullopt;
-  std::string_view digits = line.substr(checksum_begin.size());
-  digits.remove_suffix(digits.ends_with('\r') ? 1 : 0);
-  if (!is_ours(digits)) return std::nullopt;
-  return same < checksum_begin.size() ? "" : std::string(digits);
-}
-
-// ---- rows of cells ----
-
-using Cells = std::vector<std::string>;
-
-struct Row {
-  Index line = 0;  // number of the line where the row ends, counted from 1
-  Cells cells;
-};
-
-class Tokenizer {
+// "valve > 0.5": a column, a comparison, and a number or a text.
+class Trigger {
  public:
-  explicit Tokenizer(const std::filesystem::path& path) : file_(path, std::ios::binary) {
-    if (!file_ || csv_init(&parser_, CSV_STRICT | CSV_STRICT_FINI) != 0) fail("can't be read");
-    constexpr std::string_view byte_order_mark = "\xEF\xBB\xBF";
-    read_line();
-    if (line_text_.starts_with(byte_order_mark)) line_text_.erase(0, byte_order_mark.size());
-    checksum_ = checksum_in(line_text_);
-    if (checksum_) read_line();
-  }
-  ~Tokenizer() { csv_free(&parser_); }
-  Tokenizer(const Tokenizer&) = delete;
-  Tokenizer& operator=(const Tokenizer&) = delete;
-
-  // The text after # in the next line, if this line is a comment. Must not be called after next().
-  std::optional<Row> next_comment() {
-    while (has_line_ && line_text_.find_first_not_of(" \t\r") == std::string::npos) read_line();
-    if (!has_line_ || !line_text_.starts_with('#')) return std::nullopt;
-    Row comment{line_, {line_text_.substr(1)}};
-    read_line();
-    return comment;
+  explicit Trigger(const std::string& text) : text_(text) {
+    const size_t begin = text.find_first_of("<>=!");
+    const size_t end = begin == std::string::npos ? begin : text.find_first_not_of("<>=!", begin);
+    if (end == std::string::npos) fail_form();
+    column = stripped(std::string_view(text).substr(0, begin));
+    comparison_ = text.substr(begin, end - begin);
+    value_ = stripped(std::string_view(text).substr(end));
+    if (value_.size() > 1 && (value_.front() == '"' || value_.front() == '\'') && value_.back() == value_.front())
+      value_ = value_.substr(1, value_.size() - 2);
+    else
+      number_ = number_from(value_, '.');
+    const Names comparisons{">", ">=", "<", "<=", "==", "!=", "="};
+    const bool of_text = comparison_ == "==" || comparison_ == "!=" || comparison_ == "=";
+    if (column.empty() || value_.empty() || !contains(comparisons, comparison_) || (!number_ && !of_text)) fail_form();
   }
 
-  // The next row that is not blank.
-  std::optional<Row> next() {
-    while (rows_.empty() && has_line_) parse_line();
-    if (rows_.empty()) return std::nullopt;
-    Row row = std::move(rows_.front());
-    rows_.pop_front();
-    return row;
+  bool of_number() const { return number_.has_value(); }
+  // A missing sample (NaN) fulfils no condition.
+  bool holds(double value) const {
+    if (std::isnan(value)) return false;
+    if (comparison_ == ">") return value > *number_;
+    if (comparison_ == ">=") return value >= *number_;
+    if (comparison_ == "<") return value < *number_;
+    if (comparison_ == "<=") return value <= *number_;
+    return (value == *number_) != (comparison_ == "!=");
   }
+  bool holds(std::string_view cell) const { return !cell.empty() && (cell == value_) != (comparison_ == "!="); }
 
-  // Is the text different from that for which the checksum was written? Must be called after the last row.
-  bool is_changed() { return checksum_ && *checksum_ != rest_.digits(); }
-
-  // Does the file end with this row, and without a line break or a closing quotation mark?
-  bool has_open_end(const Row& row) const { return open_end_ && row.line == line_; }
+  std::string column;
 
  private:
-  void read_line() {
-    has_line_ = static_cast<bool>(std::getline(file_, line_text_));
-    if (!has_line_) return;
-    ++line_;
-    if (checksum_) rest_.add(line_text_), rest_.add(file_.eof() ? "" : "\n");
-    open_end_ = file_.eof() && !line_text_.ends_with('"') && !line_text_.ends_with('\r');
+  [[noreturn]] void fail_form() const {
+    throw std::invalid_argument(
+        fmt::format("trigger: '{}' found, a column, one of > >= < <= == != and a number needed, as in 'valve > 0.5'; "
+                    "with == and != a text is possible, too",
+                    text_));
   }
 
-  // Parses one line at a time, so that every row knows its line. A quoted cell may span several lines.
-  void parse_line() {
-    line_text_ += '\n';
-    const size_t parsed = csv_parse(&parser_, line_text_.data(), line_text_.size(), on_cell, on_row, this);
-    if (parsed != line_text_.size())
-      fail("line {}: misplaced quotation mark found, plain or quoted cells needed", line_);
-    const Index line = line_;
-    read_line();
-    if (!has_line_ && csv_fini(&parser_, on_cell, on_row, this) != 0)
-      fail("line {}: the end found within a quoted cell, a closing quotation mark needed", line);
-  }
-
-  static void on_cell(void* text, size_t size, void* self) {
-    static_cast<Tokenizer*>(self)->cells_.emplace_back(static_cast<const char*>(text), size);
-  }
-  static void on_row(int, void* self) {
-    auto& t = *static_cast<Tokenizer*>(self);
-    t.rows_.push_back({t.line_, std::exchange(t.cells_, {})});
-  }
-
-  std::ifstream file_;
-  csv_parser parser_{};
-  std::string line_text_;
-  bool has_line_ = false, open_end_ = false;
-  Index line_ = 0;
-  Cells cells_;
-  std::deque<Row> rows_;
-  std::optional<std::string> checksum_;
-  TextChecksum rest_;  // checksum of the text after the first line
+  std::string text_, comparison_, value_;
+  std::optional<double> number_;
 };
 
-// ---- comments before the header: "# name = value" ----
+}  // namespace
 
-struct Note {
-  Index line = 0;
-  std::string text;
-  Json value;  // discarded if the text is no number and no flat list
-};
-
-struct Notes {
-  std::optional<double> dt;
-  std::optional<InitialState> initial_state;
-  Channels channels;
-  std::vector<Index> length;
-  std::map<std::string, Note> lines;  // by name
-  bool has_checksum = false;          // there is a line with a checksum after the first line
-};
-
-std::string trimmed(std::string_view text) {
-  const size_t begin = text.find_first_not_of(" \t\r");
-  if (begin == std::string_view::npos) return "";
-  return std::string(text.substr(begin, text.find_last_not_of(" \t\r") + 1 - begin));
-}
-
-// Reads a number or a flat list. JSON objects are not read, because no note needs an object and large objects are slow
-// to read.
-Json value_of_note(std::string_view text) {
-  const JsonMeasure found = measure_json(text);
-  return found.depth <= 1 && found.keys == 0 ? parse_json(text) : Json(Json::value_t::discarded);
-}
-
-template <typename T>
-void take(const Note& note, const std::string& key, T& to) {
-  const auto is_whole = [](const auto& count) { return count.is_number_integer(); };
-  try {
-    const Json& json = note.value;
-    const bool valid = !std::is_same_v<T, std::vector<Index>> || std::all_of(json.begin(), json.end(), is_whole);
-    if (valid) return static_cast<void>(to = json.get<typename std::decay_t<T>>());
-  } catch (const Json::exception&) {
-  }
-  fail("line {}: {} = '{}' found, a value in JSON's notation needed", note.line, key, words::quoted(note.text));
-}
-
-// A repeated note must have the same value.
-void check_repeated(std::map<std::string, Note>& lines, const std::string& key, const Note& note) {
-  const auto [before, is_new] = lines.try_emplace(key, note);
-  const Note& first = before->second;
-  if (is_new || first.text == note.text || (!first.value.is_discarded() && first.value == note.value)) return;
-  fail("line {}: {} = '{}' found, but line {} has {} = '{}'; one of them needed", note.line, key,
-       words::quoted(note.text), first.line, key, words::quoted(first.text));
-}
-
-void read_note(const Row& comment, Notes& notes) {
-  const std::string& text = comment.cells.front();
-  const size_t equals = text.find('=');
-  if (equals == std::string::npos) return;
-  const std::string key = trimmed(std::string_view(text).substr(0, equals));
-  const std::map<std::string, Names*> lists{{"input_names", &notes.channels.input_names},
-                                            {"output_names", &notes.channels.output_names},
-                                            {"input_units", &notes.channels.input_units},
-                                            {"output_units", &notes.channels.output_units}};
-  const auto list = lists.find(key);
-  if (key == "checksum") notes.has_checksum |= is_ours(trimmed(std::string_view(text).substr(equals + 1)));
-  if (list == lists.end() && key != "dt" && key != "length" && key != "initial_state") return;
-  Note note{comment.line, trimmed(std::string_view(text).substr(equals + 1)), {}};
-  note.value = value_of_note(note.text);
-  check_repeated(notes.lines, key, note);
-  if (key == "dt") take(note, key, notes.dt.emplace());
-  if (key == "length") take(note, key, notes.length);
-  if (key == "initial_state") notes.initial_state = initial_state_from(note.text.substr(0, 80));
-  if (list != lists.end()) take(note, key, *list->second);
-}
-
-// ---- columns ----
-
-struct Columns {
-  Cells names;
-  std::optional<size_t> experiment, time, step;
-  TimeUnit unit;  // of the times
-  std::vector<size_t> inputs, outputs;
-
-  Names names_of(const std::vector<size_t>& chosen) const {
-    Names result;
-    for (const size_t c : chosen) result.push_back(names[c]);
-    return result;
-  }
-};
-
-// "Experiment" and "time" may have capital letters. A column "K" is not the column "k" of step numbers.
-std::string canonical(const std::string& name) {
-  const std::string lower = in_lower_case(name);
-  return lower == "experiment" || lower == "time" ? lower : name;
-}
-
-bool is_reserved(const std::string& name) {
-  return name == "k" || canonical(name) == "experiment" || canonical(name) == "time";
-}
-
-// Finds columns by their names.
-class Header {
- public:
-  explicit Header(const Cells& names) : names_(names) {
-    for (size_t c = 0; c < names.size(); ++c) columns_[canonical(names[c])].push_back(c);
-  }
-
-  const Cells& names() const { return names_; }
-
-  std::optional<size_t> find(const std::string& name) const {
-    const auto found = columns_.find(canonical(name));
-    if (found == columns_.end()) return std::nullopt;
-    if (found->second.size() > 1) fail("header: {} columns '{}' found, one needed", found->second.size(), name);
-    return found->second.front();
-  }
-
- private:
-  const Cells& names_;
-  std::unordered_map<std::string, std::vector<size_t>> columns_;
-};
-
-std::vector<size_t> named_columns(const Header& header, const Names& wanted) {
-  std::vector<size_t> columns;
-  for (const auto& name : wanted) {
-    const auto column = header.find(name);
-    if (!column) fail("no column '{}' found among {}", name, quoted(header.names()));
-    columns.push_back(*column);
-  }
-  return columns;
-}
-
-std::vector<size_t> prefixed_columns(const Header& header, char prefix, const Names& taken) {
-  const std::unordered_set<std::string> others(taken.begin(), taken.end());
-  Names wanted;
-  for (const auto& name : header.names())
-    if (name.starts_with(prefix) && !is_reserved(name) && others.count(name) == 0) wanted.push_back(name);
-  return named_columns(header, wanted);
-}
-
-// The names that the caller states, or else those that the comments of the file state. If there are none: the wanted
-// names, if the file has all these columns.
-const Names& names_to_read(const Row& header, const Names& stated, const Names& noted, const Names& wanted) {
-  if (!stated.empty() || !noted.empty()) return stated.empty() ? noted : stated;
-  const auto is_there = [&](const std::string& name) {
-    return std::find(header.cells.begin(), header.cells.end(), name) != header.cells.end();
+void check_options(const ReadOptions& options) {
+  if (!options.trigger.empty()) Trigger trigger(options.trigger);
+  const auto refuse = [](const char* name, const auto& found, const char* needed) {
+    throw std::invalid_argument(fmt::format("{}: {} found, {} needed", name, found, needed));
   };
-  return std::all_of(wanted.begin(), wanted.end(), is_there) ? wanted : noted;
+  if (options.before < 0) refuse("before", options.before, "a number of steps from 0 on");
+  if (options.before > 0 && options.trigger.empty())
+    throw std::invalid_argument("before: no trigger found. Steps before the trigger can be kept only with a trigger");
+  if (options.longest_gap < 1) refuse("longest_gap", options.longest_gap, "a number of steps from 1 on");
+  if (options.resample && !(*options.resample > 0 && std::isfinite(*options.resample)))
+    refuse("resample", *options.resample, "a positive sample time in seconds");
 }
 
-// The only column whose name `wanted` accepts. Columns of channels are not considered, even if only the comments name
-// them as channels.
-template <class Wanted>
-std::optional<size_t> only_column(const Columns& columns, const Channels& noted, const char* what, const char* name,
-                                  Wanted&& wanted) {
-  std::unordered_set<std::string> channels(noted.input_names.begin(), noted.input_names.end());
-  channels.insert(noted.output_names.begin(), noted.output_names.end());
-  for (const auto* chosen : {&columns.inputs, &columns.outputs})
-    for (const size_t c : *chosen) channels.insert(columns.names[c]);
-  std::optional<size_t> column;
-  Names candidates;
-  for (size_t c = 0; c < columns.names.size(); ++c) {
-    if (channels.count(columns.names[c]) > 0 || !wanted(columns.names[c])) continue;
-    column = c;
-    candidates.push_back(columns.names[c]);
+namespace {
+
+// ---- the header ----
+
+std::string line_range(Index first, Index last) {
+  return first == last ? fmt::format("line {}", first) : fmt::format("lines {} to {}", first, last);
+}
+
+struct Start {  // how the rows of a table begin
+  Dialect dialect;
+  Notes notes;
+  std::vector<Column> columns;
+  Names remarks;
+};
+
+// Reads the comments, and returns the last one that is no note.
+std::optional<TableText::Line> read_comments(TableText& text, Notes& notes) {
+  std::optional<TableText::Line> last;
+  while (!text.ahead().empty()) {
+    const TableText::Line& line = text.ahead().front();
+    const std::string_view content = stripped(line.text);
+    if (!content.empty() && !content.starts_with('#')) break;
+    if (line.text.starts_with('#')) {
+      read_note(line.number, line.text.substr(1), notes);
+      if (line.text.find('=') == std::string::npos) last = line;
+    } else if (!content.empty()) {
+      break;
+    }
+    text.skip();
   }
-  if (candidates.size() > 1)
-    fail("header: {} found, one column of {} needed; give this column the name '{}'", quoted(candidates), what, name);
-  return column;
+  return last;
 }
 
-// Finds the column that states the steps of the rows. In order of preference: "time", another name for times, "k",
-// another name for step numbers.
-void find_steps(const Channels& noted, Columns& columns) {
-  const Header header(columns.names);
-  columns.time = header.find("time");
-  columns.step = header.find("k");
-  if (columns.time) return;
-  columns.time = only_column(columns, noted, "times", "time", [](const std::string& name) { return time_unit(name); });
-  if (columns.time) columns.unit = *time_unit(columns.names[*columns.time]);
-  if (!columns.time && !columns.step) columns.step = only_column(columns, noted, "step numbers", "k", is_step_number);
+bool are_named(const Cells& cells, const ReadOptions& options) {
+  Names wanted = options.inputs;
+  wanted.insert(wanted.end(), options.outputs.begin(), options.outputs.end());
+  return !wanted.empty() &&
+         std::all_of(wanted.begin(), wanted.end(), [&](const std::string& name) { return contains(cells, name); });
 }
 
-Columns columns_of(const Row& header, const Names& inputs, const Names& outputs) {
-  Columns columns;
-  columns.names = header.cells;
-  const Header found(columns.names);
-  columns.experiment = found.find("experiment");
-  columns.inputs = inputs.empty() ? prefixed_columns(found, 'u', outputs) : named_columns(found, inputs);
-  columns.outputs = outputs.empty() ? prefixed_columns(found, 'y', inputs) : named_columns(found, outputs);
-  const std::unordered_set<size_t> outputs_found(columns.outputs.begin(), columns.outputs.end());
-  for (const size_t c : columns.inputs)
-    if (outputs_found.count(c) > 0)
-      fail("column '{}' is listed both as an input and as an output. List it only once", columns.names[c]);
+// What most cells of a column in the first rows are. Empty cells and words for missing samples do not count.
+class ContentCount {
+ public:
+  void add(std::string_view cell) {
+    if (is_missing(cell) || is_word_for_missing(cell)) return;
+    const std::optional<Stamp> stamp = number_from(cell, '.') ? std::nullopt : stamp_from(cell);
+    ++cells_;
+    if (!stamp) return;
+    ++(!stamp->has_date ? clocks_ : stamp->has_clock ? both_ : dates_);
+  }
+  Content result() const {
+    if (const int stamps = both_ + dates_ + clocks_; 2 * stamps < cells_ || stamps == 0) return Content::other;
+    if (both_ > 0) return Content::date_and_clock;
+    return dates_ > 0 ? Content::date : clocks_ > 0 ? Content::clock : Content::other;
+  }
+
+ private:
+  int cells_ = 0, both_ = 0, dates_ = 0, clocks_ = 0;
+};
+
+std::vector<Column> columns_of(const Cells& titles, const Cells& units, const std::deque<TableText::Line>& rows,
+                               char separator) {
+  std::vector<Column> columns(titles.size());
+  for (size_t c = 0; c < titles.size(); ++c) {
+    columns[c].title = stripped(titles[c]);
+    columns[c].label = label_from(titles[c]);
+    if (c >= units.size() || !columns[c].label.unit.empty()) continue;
+    const Label unit = label_from("x " + units[c]);  // without brackets
+    columns[c].label.unit = unit.unit.empty() ? std::string(stripped(units[c])) : unit.unit;
+  }
+  for (Column& column : columns)
+    if (column.label.unit == "-" || column.label.unit == "1") column.label.unit.clear();
+  std::vector<ContentCount> content(columns.size());
+  constexpr size_t most = 50;
+  for (size_t i = 0; i < std::min(most, rows.size()); ++i) {
+    const Cells cells = cells_of(rows[i].text, separator);
+    for (size_t c = 0; c < std::min(cells.size(), columns.size()); ++c) content[c].add(stripped(cells[c]));
+  }
+  for (size_t c = 0; c < columns.size(); ++c) columns[c].content = content[c].result();
   return columns;
 }
 
-// A remark for the user on the columns that are not read.
-std::optional<std::string> remark_on_unused_columns(const Columns& columns) {
-  std::unordered_set<size_t> used(columns.inputs.begin(), columns.inputs.end());
-  used.insert(columns.outputs.begin(), columns.outputs.end());
-  for (const auto& column : {columns.experiment, columns.time ? columns.time : columns.step})
-    if (column) used.insert(*column);
-  Names unused;
-  for (size_t c = 0; c < columns.names.size(); ++c)
-    if (used.count(c) == 0)
-      unused.push_back(columns.names[c].empty() ? fmt::format("number {}, without a name", c + 1) : columns.names[c]);
-  return remark_on_unused(unused);
+// Columns without a title at the end, whose cells are empty, come from separators at the ends of the lines.
+void drop_empty_end(const std::deque<TableText::Line>& rows, char separator, Cells& titles) {
+  if (titles.empty() || !titles.back().empty()) return;
+  constexpr size_t most = 50;
+  size_t used = 0;
+  for (size_t i = 0; i < std::min(most, rows.size()); ++i) {
+    const Cells cells = cells_of(rows[i].text, separator);
+    for (size_t c = 0; c < cells.size(); ++c)
+      if (!cells[c].empty()) used = std::max(used, c + 1);
+  }
+  while (titles.size() > used && titles.back().empty()) titles.pop_back();
 }
 
-std::optional<std::string> remark_on_steps(const Columns& columns) {
-  if (columns.time || columns.step) return std::nullopt;
-  return std::string(rows_as_steps);
+Start start_of(TableText& text, const ReadOptions& options) {
+  Start start;
+  const std::optional<TableText::Line> comment = read_comments(text, start.notes);
+  if (text.ahead().empty()) fail("no header line found: a line with the names of the columns needed");
+  Dialect& dialect = start.dialect = dialect_of(text.ahead());
+  const Index first = text.ahead().front().number;
+  for (size_t i = 0; i < dialect.header; ++i) text.skip();
+  Cells titles = cells_of(text.ahead().front().text, dialect.separator), units;
+  if (!dialect.has_header && !are_named(titles, options)) {
+    titles = comment ? cells_of(comment->text.substr(1), dialect.separator) : Cells{};
+    if (titles.size() != dialect.columns)
+      fail(
+          "line {}: samples found, but no line above them names the columns; a line with the names of the columns needed",
+          first);
+  } else {
+    const Index line = text.ahead().front().number;
+    const std::optional<Row> header = text.next(dialect.separator);
+    if (!header) fail("no header line found: a line with the names of the columns needed");
+    titles = header->cells;
+    if (line > first)
+      start.remarks.push_back(fmt::format("{} before the names of the columns in line {} {} skipped",
+                                          line_range(first, line - 1), line, line - 1 > first ? "were" : "was"));
+  }
+  if (dialect.has_units_row)
+    if (const std::optional<Row> row = text.next(dialect.separator)) {
+      units = row->cells;
+      start.remarks.push_back(fmt::format("line {} was read as the units of the columns", row->line));
+    }
+  drop_empty_end(text.ahead(), dialect.separator, titles);
+  start.columns = columns_of(titles, units, text.ahead(), dialect.separator);
+  return start;
 }
 
-void require_channels(const Columns& columns, bool outputs_required) {
-  if (columns.inputs.empty())
-    fail("no column whose name begins with u found among {}; name the inputs", quoted(columns.names));
-  if (columns.outputs.empty() && outputs_required)
-    fail("no column whose name begins with y found among {}; name the outputs", quoted(columns.names));
-}
+// ---- cells ----
 
-// ---- samples ----
-
-struct Records {
-  Columns columns;
-  TimeColumn rows;
-  std::vector<double> samples;  // (rows, r + m)
-};
-
-double number_of(std::string_view text, const Row& row, const std::string& column) {
-  if (text.empty() || text == "NA") return missing;
-  std::string_view digits = text.starts_with('+') ? text.substr(1) : text;
-  double value = 0;
-  const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
-  if (error != std::errc() || end != digits.data() + digits.size())
-    fail("line {}, column '{}': '{}' found, a number needed", row.line, column, words::quoted(text));
-  return value;
-}
-
-void check_width(const Row& row, const Cells& names) {
-  const size_t found = row.cells.size(), needed = names.size();
+void check_width(const Row& row, const Header& header) {
+  const size_t found = row.cells.size(), needed = header.columns().size();
   if (found < needed)
-    fail("line {}: {} cells found, {} needed; column '{}' has none", row.line, found, needed, names[found]);
-  if (found > needed)
+    fail("line {}: {} cells found, {} needed; column '{}' has none", row.line, found, needed, header[found].title);
+  const auto extra = std::find_if(row.cells.begin() + std::ptrdiff_t(needed), row.cells.end(),
+                                  [](const std::string& cell) { return !cell.empty(); });
+  if (extra != row.cells.end())
     fail("line {}: {} cells found, {} needed; '{}' after the last column '{}'", row.line, found, needed,
-         words::quoted(row.cells[needed]), names.back());
+         words::quoted(*extra), header.columns().back().title);
 }
+
+// Words that were taken for missing samples without being stated.
+struct Guess {
+  Index cells = 0;
+  std::string first;  // where the first one stands
+};
+using Guesses = std::map<std::string, Guess>;
+
+// Reads numbers. The first number with a decimal comma or a decimal point decides for the table.
+class NumberReader {
+ public:
+  explicit NumberReader(const Names& missing_words) : words_(missing_words) {
+    for (const std::string& word : words_)
+      if (const auto number = number_from(word, '.')) numbers_.push_back(*number);
+  }
+
+  double number(std::string_view cell, Index line, const std::string& column) {
+    if (is_missing(cell) || contains(words_, cell)) return missing;
+    if (const auto value = value_of(cell, line, column)) {
+      const bool stated = std::find(numbers_.begin(), numbers_.end(), *value) != numbers_.end();
+      return stated ? missing : *value;
+    }
+    if (!is_word_for_missing(cell)) fail_number(cell, line, column);
+    Guess& guess = guesses_[std::string(cell)];
+    if (guess.cells++ == 0) guess.first = fmt::format("line {}, column '{}'", line, column);
+    return missing;
+  }
+
+  const Guesses& guesses() const { return guesses_; }
+  // A number of a decimal comma as one of a decimal point; for the precision of times.
+  std::string with_point(std::string text) const {
+    if (mark_ == ',') std::replace(text.begin(), text.end(), ',', '.');
+    return text;
+  }
+
+ private:
+  std::optional<double> value_of(std::string_view cell, Index line, const std::string& column) {
+    if (mark_ != ',') {
+      const auto value = number_from(cell, '.');
+      if (value && mark_ == '\0' && cell.find('.') != std::string_view::npos) decide('.', line, cell);
+      if (value || mark_ == '.') return value;
+    }
+    const auto value = number_from(cell, ',');
+    if (value && mark_ == '\0' && cell.find(',') != std::string_view::npos) decide(',', line, cell);
+    if (!value && number_from(cell, '.'))
+      fail("line {}, column '{}': '{}' found, but '{}' in line {}; the same decimal mark in the whole table needed",
+           line, column, words::quoted(cell), words::quoted(mark_cell_), mark_line_);
+    return value;
+  }
+
+  void decide(char mark, Index line, std::string_view cell) { mark_ = mark, mark_line_ = line, mark_cell_ = cell; }
+
+  [[noreturn]] void fail_number(std::string_view cell, Index line, const std::string& column) const {
+    const std::string at = fmt::format("line {}, column '{}': '{}' found", line, column, words::quoted(cell));
+    if (mark_ == '.' && number_from(cell, ','))
+      fail("{}, but '{}' in line {}; the same decimal mark in the whole table needed", at, words::quoted(mark_cell_),
+           mark_line_);
+    if (number_from(cell, '.') || number_from(cell, ',') || cell.find_first_of("0123456789") != std::string_view::npos)
+      fail("{}, a number needed", at);
+    fail("{}, a number needed; --missing '{}' reads it as a missing sample", at, words::quoted(cell));
+  }
+
+  Names words_;
+  std::vector<double> numbers_;
+  char mark_ = '\0';  // not decided
+  Index mark_line_ = 0;
+  std::string mark_cell_;
+  Guesses guesses_;
+};
 
 // For errors in the values of a column of step numbers that is not named "k": a text that reminds the user of this
 // interpretation.
-std::string doubt(const Columns& columns) {
-  if (columns.time || !columns.step || columns.names[*columns.step] == "k") return "";
+std::string doubt(const Header& header, const Chosen& chosen) {
+  if (chosen.time || !chosen.step || header[*chosen.step].title == "k") return "";
   return fmt::format("; the column '{}' was read as step numbers: rename it if it contains something else",
-                     columns.names[*columns.step]);
+                     header[*chosen.step].title);
 }
 
 class RecordReader {
  public:
-  explicit RecordReader(Columns columns) {
-    records_.columns = std::move(columns);
-    const auto& column = records_.columns.time ? records_.columns.time : records_.columns.step;
-    if (column) records_.rows.name = records_.columns.names[*column];
-    records_.rows.unit = records_.columns.unit;
+  RecordReader(const Header& header, const Chosen& chosen, const ReadOptions& options)
+      : header_(header), chosen_(chosen), numbers_(options.missing) {
+    const auto& column = chosen.time ? chosen.time : chosen.step;
+    records_.source = chosen.time ? StepSource::times : chosen.step ? StepSource::numbers : StepSource::order;
+    records_.doubt = doubt(header, chosen);
+    if (column) records_.rows.name = header[*column].title;
+    records_.rows.unit = chosen.unit;
+    if (options.trigger.empty()) return;
+    trigger_.emplace(options.trigger);
+    event_column_ = header.need(trigger_->column);
   }
 
   void add(const Row& row) {
-    const Columns& columns = records_.columns;
-    check_width(row, columns.names);
+    check_width(row, header_);
+    if (is_blank(row)) return;
     const Index n = experiment_of(row);
     records_.rows.experiment.push_back(n);
     records_.rows.line.push_back(row.line);
-    records_.rows.time.push_back(time_of(row, n));
-    for (const auto* chosen : {&columns.inputs, &columns.outputs})
-      for (const size_t c : *chosen) records_.samples.push_back(number_of(row.cells[c], row, columns.names[c]));
+    add_time(row, n);
+    for (const auto* columns : {&chosen_.inputs, &chosen_.outputs})
+      for (const size_t c : *columns)
+        records_.samples.push_back(numbers_.number(row.cells[c], row.line, header_[c].title));
+    if (!trigger_) return;
+    const std::string& cell = row.cells[event_column_];
+    records_.event.push_back(trigger_->of_number()
+                                 ? trigger_->holds(numbers_.number(cell, row.line, header_[event_column_].title))
+                                 : trigger_->holds(std::string_view(cell)));
   }
 
-  Records take() { return std::move(records_); }
+  Records take(DateOrder order) {
+    if (chosen_.stamped) {
+      StampTimes times = times_of(stamps_, records_.rows.line, stamp_texts_, order);
+      for (const double time : times.seconds)
+        records_.rows.precision.add(fmt::format("{:.{}f}", time, times.decimals), time);
+      records_.rows.time = std::move(times.seconds);
+      if (times.remark) records_.remarks.push_back(*std::move(times.remark));
+    }
+    return std::move(records_);
+  }
+
+  const Guesses& guesses() const { return numbers_.guesses(); }
 
  private:
+  // Spreadsheet programs write rows without any content below a table. Without times, such a row is a step.
+  bool is_blank(const Row& row) const {
+    return (chosen_.time || chosen_.step) &&
+           std::all_of(row.cells.begin(), row.cells.end(), [](const std::string& cell) { return cell.empty(); });
+  }
+
   Index experiment_of(const Row& row) {
-    const auto column = records_.columns.experiment;
+    const auto column = chosen_.experiment;
     const std::string id = column ? row.cells[*column] : "";
     if (column && id.empty()) fail("line {}, column 'experiment': nothing found, a number or name needed", row.line);
-    const auto [at, is_new] = numbers_.try_emplace(id, static_cast<Index>(numbers_.size()));
+    const auto [at, is_new] = experiment_numbers_.try_emplace(id, Index(experiment_numbers_.size()));
     if (is_new) {
       records_.rows.experiments.push_back(id);
       rows_.push_back(0);
@@ -438,113 +372,67 @@ class RecordReader {
     return at->second;
   }
 
-  double time_of(const Row& row, Index n) {
-    const Columns& columns = records_.columns;
-    const auto column = columns.time ? columns.time : columns.step;
-    if (!column) return static_cast<double>(rows_[static_cast<size_t>(n)]++);
-    const double time = number_of(row.cells[*column], row, columns.names[*column]);
-    const bool whole = columns.time || time == std::floor(time);
+  void add_time(const Row& row, Index n) {
+    const auto column = chosen_.time ? chosen_.time : chosen_.step;
+    if (!column) return records_.rows.time.push_back(double(rows_[size_t(n)]++));
+    const std::string& cell = row.cells[*column];
+    if (chosen_.stamped) return add_stamp(row, cell);
+    const double time = numbers_.number(cell, row.line, header_[*column].title);
+    const bool whole = chosen_.time || time == std::floor(time);
     if (!std::isfinite(time) || !whole)
-      fail("line {}, column '{}': '{}' found, a {} needed{}", row.line, columns.names[*column],
-           words::quoted(row.cells[*column]), columns.time ? "finite time" : "whole number", doubt(columns));
-    records_.rows.precision.add(row.cells[*column], time);
-    return time;
+      fail("line {}, column '{}': '{}' found, a {} needed{}", row.line, header_[*column].title, words::quoted(cell),
+           chosen_.time ? "finite time" : "whole number", records_.doubt);
+    records_.rows.time.push_back(time);
+    records_.rows.precision.add(numbers_.with_point(cell), time);
   }
 
+  void add_stamp(const Row& row, const std::string& cell) {
+    std::optional<Stamp> stamp = stamp_from(cell);
+    std::string text = cell;
+    if (chosen_.date) {
+      stamp = joined(stamp_from(row.cells[*chosen_.date]), stamp);
+      text = fmt::format("{} {}", row.cells[*chosen_.date], cell);
+    }
+    if (!stamp)
+      fail("line {}, column '{}': '{}' found, a time stamp{} needed", row.line, header_[*chosen_.time].title,
+           words::quoted(text),
+           stamp_texts_.empty() ? std::string() : fmt::format(" like '{}'", words::quoted(stamp_texts_.front())));
+    stamps_.push_back(*stamp);
+    stamp_texts_.push_back(std::move(text));
+  }
+
+  const Header& header_;
+  const Chosen& chosen_;
+  NumberReader numbers_;
+  std::optional<Trigger> trigger_;
+  size_t event_column_ = 0;
   Records records_;
-  std::unordered_map<std::string, Index> numbers_;
+  std::unordered_map<std::string, Index> experiment_numbers_;
   std::vector<Index> rows_;  // number of rows of each experiment so far
+  std::vector<Stamp> stamps_;
+  Names stamp_texts_;
 };
 
-// ---- the steps ----
+// ---- one table ----
 
-// The common steps of all rows, counted from the smallest time or step number.
-struct Steps {
-  Grid grid;
-  Index count = 1;
+struct Table {
+  Records records;
+  Channels channels;
+  Names input_titles, output_titles;  // of the columns
+  std::optional<double> dt;
+  std::optional<InitialState> initial_state;
+  std::vector<Index> length;
+  bool names_experiments = false, stamped = false;
+  Guesses guesses;
+  Names remarks;
 };
-
-Steps steps_of(const Records& records, std::optional<double> dt) {
-  const auto [first, last] = std::minmax_element(records.rows.time.begin(), records.rows.time.end());
-  if (dt && (!(*dt > 0) || !std::isfinite(*dt))) fail("dt: {} found, a positive time in seconds needed", *dt);
-  // Step numbers that continue from one experiment to the next probably count rows. Only a column named "k" is trusted.
-  if (!doubt(records.columns).empty())
-    check_common_steps(records.rows, "step numbers from the begin of each experiment on needed, or the name 'k'");
-  const Grid grid = records.columns.time ? time_grid(records.rows, dt) : Grid{*first, 1.0};
-  const double steps = grid.step(*last) + 1, rows = static_cast<double>(records.rows.time.size());
-  const size_t experiments = records.rows.experiments.size();
-  // Without this limit, one wrong time or step number could take far more memory than the number of rows justifies.
-  const double channels = static_cast<double>(records.columns.inputs.size() + records.columns.outputs.size());
-  const double samples = steps * static_cast<double>(experiments) * channels;
-  if (!(samples <= 1e6 + 1000 * rows * channels))
-    fail("{} experiments of {} steps found in only {} rows, fewer missing rows needed; check the times or step numbers",
-         experiments, steps, rows);
-  if (!(samples * sizeof(double) <= static_cast<double>(memory_limit())))
-    fail("{} experiments of {} steps with {} channels found, which take {} bytes of memory; this machine has {}",
-         experiments, steps, channels, samples * sizeof(double), memory_limit());
-  return {grid, static_cast<Index>(steps)};
-}
-
-// ---- the ensemble ----
-
-void fill(const Records& records, const Grid& grid, Ensemble& e) {
-  std::vector<bool> seen(static_cast<size_t>(e.experiments() * e.steps()));
-  auto sample = records.samples.begin();
-  for (size_t i = 0; i < records.rows.time.size(); ++i) {
-    const Index n = records.rows.experiment[i], k = static_cast<Index>(grid.step(records.rows.time[i]));
-    auto cell = seen[static_cast<size_t>(n * e.steps() + k)];
-    if (cell)
-      fail("line {}: a second row for step {} of experiment '{}' found, one needed{}", records.rows.line[i], k,
-           records.rows.experiments[static_cast<size_t>(n)], doubt(records.columns));
-    cell = true;
-    for (Index j = 0; j < e.inputs(); ++j) e.u(n, k, j) = *sample++;
-    for (Index j = 0; j < e.outputs(); ++j) e.y(n, k, j) = *sample++;
-  }
-}
-
-// Default names are dropped, unless the comments of the file state them as names.
-Names names_unless_default(const Names& names, char prefix, bool given) {
-  bool is_default = true;
-  for (size_t i = 0; i < names.size(); ++i) is_default = is_default && names[i] == fmt::format("{}{}", prefix, i + 1);
-  return is_default && !given ? Names{} : names;
-}
-
-// The units of the chosen channels by name, because the caller may have chosen other channels than the file.
-Names units_of(const Names& chosen, const std::map<std::string, std::string>& units) {
-  Names result;
-  bool any = false;
-  for (const auto& name : chosen) {
-    const auto unit = units.find(name);
-    result.push_back(unit == units.end() ? "" : unit->second);
-    any = any || unit != units.end();
-  }
-  return any ? result : Names{};
-}
-
-void add_units(const Names& names, const Names& units, const char* key, std::map<std::string, std::string>& to) {
-  if (units.empty()) return;
-  if (units.size() != names.size())
-    fail("{}: {} units found for {} channels, one unit for each channel needed", key, units.size(), names.size());
-  for (size_t i = 0; i < names.size(); ++i) to[names[i]] = units[i];
-}
-
-Channels channels_of(const Columns& columns, const Row& header, const Notes& notes) {
-  const Columns own = columns_of(header, notes.channels.input_names, notes.channels.output_names);
-  std::map<std::string, std::string> units;
-  add_units(own.names_of(own.inputs), notes.channels.input_units, "input_units", units);
-  add_units(own.names_of(own.outputs), notes.channels.output_units, "output_units", units);
-  const Names inputs = columns.names_of(columns.inputs), outputs = columns.names_of(columns.outputs);
-  return {names_unless_default(inputs, 'u', !notes.channels.input_names.empty()),
-          names_unless_default(outputs, 'y', !notes.channels.output_names.empty()), units_of(inputs, units),
-          units_of(outputs, units)};
-}
 
 // A file without a final line break may be complete. But a file that was cut within its last number looks the same.
-std::string remark_on_end(const Row& row, const Columns& columns) {
+std::string remark_on_end(const Row& row, const Header& header) {
   return fmt::format(
       "line {}, the last one, ends without a line break: its {} = '{}' may have been cut; check whether "
       "the file is complete, and end it with a line break",
-      row.line, columns.names.back(), words::quoted(row.cells.back()));
+      row.line, header.columns().back().title, words::quoted(row.cells.back()));
 }
 
 std::string remark_on_change(const std::filesystem::path& path) {
@@ -555,174 +443,273 @@ std::string remark_on_change(const std::filesystem::path& path) {
       path.string());
 }
 
-// Steps without any row may be intended, or the column may not contain step numbers.
-std::optional<std::string> remark_on_empty_steps(const Records& records, const Steps& steps) {
-  if (records.columns.time || !records.columns.step) return std::nullopt;
-  std::int64_t common = 0;
-  for (const double number : records.rows.time) common = std::gcd(common, std::int64_t(steps.grid.step(number)));
-  if (common < 2) return std::nullopt;
-  return fmt::format(
-      "column '{0}': all step numbers are {1} or multiples of it apart, so the {2} steps between count as missing; divide "
-      "the numbers by {1} where no step is missing",
-      records.columns.names[*records.columns.step], common, common - 1);
+Names titles_of(const Header& header, const std::vector<size_t>& columns) {
+  Names titles;
+  for (const size_t c : columns) titles.push_back(header[c].title);
+  return titles;
 }
 
-void apply_length(const std::vector<Index>& length, Ensemble& e) {
-  e.length = length;
-  if (e.length.size() != static_cast<size_t>(e.experiments()) && !length.empty())
-    fail("length: {} entries found for {} experiments, one entry for each experiment needed", length.size(),
-         e.experiments());
-  for (size_t n = 0; n < length.size(); ++n)
-    for (Index k = std::max(length[n], Index{0}); k < e.steps(); ++k) {
-      e.input(k).row(static_cast<Index>(n)).setConstant(missing);
-      e.output(k).row(static_cast<Index>(n)).setConstant(missing);
+// The first one of several tables, which determines their channels.
+struct First {
+  std::string file;
+  Names inputs, outputs;  // titles of the columns
+};
+
+// The columns of the first table in another one. If the caller names no channels, this one must not have more of them.
+Chosen same_columns(const Header& header, const First& first, Wanted wanted) {
+  const bool named = !wanted.inputs.empty() || !wanted.outputs.empty() || !wanted.model.input_names.empty();
+  const Chosen own = named ? Chosen{} : chosen_columns(header, wanted);
+  wanted.inputs = first.inputs, wanted.outputs = first.outputs;
+  Chosen chosen = chosen_columns(header, wanted);
+  if (first.outputs.empty()) chosen.outputs.clear();
+  const auto check_no_more = [&](const std::vector<size_t>& found, const std::vector<size_t>& needed) {
+    for (const size_t c : found)
+      if (std::find(needed.begin(), needed.end(), c) == needed.end())
+        fail(
+            "column '{}' found, which '{}' does not have; the same channels in all files needed, or their names: "
+            "--inputs 'A,B' --outputs 'C,D'",
+            header[c].title, first.file);
+  };
+  check_no_more(own.inputs, chosen.inputs);
+  check_no_more(own.outputs, chosen.outputs);
+  return chosen;
+}
+
+Table read_table(const std::filesystem::path& path, const ReadOptions& options, const First* first = nullptr) {
+  TableText text(path);
+  Start start = start_of(text, options);
+  const Notes& notes = start.notes;
+  const Header header(std::move(start.columns));
+  const Wanted wanted{options.inputs, options.outputs, notes.channels, options.wanted, options.outputs_required};
+  const Chosen chosen = first ? same_columns(header, *first, wanted) : chosen_columns(header, wanted);
+  RecordReader reader(header, chosen, options);
+  std::optional<std::string> cut;
+  while (const auto row = text.next(start.dialect.separator)) {
+    checkpoint();
+    reader.add(*row);
+    if (text.has_open_end(*row)) cut = remark_on_end(*row, header);
+  }
+  Table table;
+  table.records = reader.take(options.dates);
+  if (table.records.rows.time.empty()) fail("no rows after the header found, samples needed");
+  table.channels = channels_of(header, chosen, wanted);
+  table.input_titles = titles_of(header, chosen.inputs), table.output_titles = titles_of(header, chosen.outputs);
+  table.records.inputs = table.input_titles, table.records.outputs = table.output_titles;
+  table.dt = notes.dt, table.initial_state = notes.initial_state, table.length = notes.length;
+  table.names_experiments = chosen.experiment.has_value(), table.stamped = chosen.stamped;
+  table.guesses = reader.guesses();
+
+  table.remarks = std::move(start.remarks);
+  const auto remark = [&table](std::optional<std::string> one) {
+    if (one) table.remarks.push_back(*std::move(one));
+  };
+  if (const auto line = text.latin_line())
+    remark(fmt::format("line {} is not UTF-8; such lines were read as Latin-1 (Windows-1252)", *line));
+  std::vector<size_t> also_read;
+  if (!options.trigger.empty()) also_read.push_back(header.need(Trigger(options.trigger).column));
+  remark(remark_on_unused_columns(header, chosen, also_read));
+  if (table.records.source == StepSource::order) remark(std::string(rows_as_steps));
+  remark(cut);
+  if (notes.has_checksum || text.is_changed()) remark(remark_on_change(path));
+  for (std::string& one : table.records.remarks) remark(std::move(one));
+  table.records.remarks.clear();
+  return table;
+}
+
+// ---- many tables ----
+
+// The names of experiments: those of the files, with their folders where files have equal names.
+Names labels_of(const std::vector<std::filesystem::path>& paths) {
+  Names labels;
+  for (const auto& path : paths) labels.push_back(path.stem().string());
+  std::map<std::string, int> count;
+  for (const std::string& label : labels) ++count[label];
+  for (size_t i = 0; i < paths.size(); ++i)
+    if (count[labels[i]] > 1) labels[i] = (paths[i].parent_path() / paths[i].stem()).string();
+  return labels;
+}
+
+void name_experiments(const std::filesystem::path& path, const std::string& label, Table& table) {
+  TimeColumn& rows = table.records.rows;
+  for (std::string& name : rows.experiments)
+    name = rows.experiments.size() > 1 ? fmt::format("{}/{}", label, name) : label;
+  rows.files.assign(rows.experiments.size(), path.filename().string());
+}
+
+// Facts on which all tables must agree.
+void check_same(const std::string& first_file, const Table& first, const Table& table) {
+  const auto check_units = [&](const Names& titles, const Names& needed, const Names& found) {
+    for (size_t i = 0; i < titles.size(); ++i) {
+      const std::string a = i < needed.size() ? needed[i] : "", b = i < found.size() ? found[i] : "";
+      if (a != b) fail("column '{}': unit '{}' found, but '{}' in '{}'; one unit needed", titles[i], b, a, first_file);
     }
+  };
+  check_units(first.input_titles, first.channels.input_units, table.channels.input_units);
+  check_units(first.output_titles, first.channels.output_units, table.channels.output_units);
+  const auto steps = [](const Table& t) {
+    return t.records.source == StepSource::times     ? fmt::format("column '{}' of times", t.records.rows.name)
+           : t.records.source == StepSource::numbers ? fmt::format("column '{}' of step numbers", t.records.rows.name)
+                                                     : std::string("no column of times or step numbers");
+  };
+  if (table.records.source != first.records.source)
+    fail("{} found, but {} in '{}'; the same kind of steps in all files needed", steps(table), steps(first),
+         first_file);
+  if (table.dt && first.dt && *table.dt != *first.dt)
+    fail("dt: {} found, but {} in '{}'; one sample time needed", *table.dt, *first.dt, first_file);
+  if (table.initial_state && first.initial_state && *table.initial_state != *first.initial_state)
+    fail("initial_state: {} found, but {} in '{}'; one initial state needed", to_string(*table.initial_state),
+         to_string(*first.initial_state), first_file);
+}
+
+// Remarks of several files, each text once.
+class Remarks {
+ public:
+  void add(const std::string& file, const Names& texts) {
+    ++files_;
+    for (const std::string& text : texts) {
+      const auto [at, is_new] = places_.try_emplace(text, order_.size());
+      if (is_new) order_.push_back({text, {}});
+      order_[at->second].second.push_back(file);
+    }
+  }
+
+  Names take() const {
+    Names result;
+    for (const auto& [text, files] : order_)
+      result.push_back(files.size() == files_ ? fmt::format("in all files, {}", text)
+                       : files.size() == 1
+                           ? fmt::format("'{}': {}", files.front(), text)
+                           : fmt::format("'{}' and {} more: {}", files.front(), files.size() - 1, text));
+    return result;
+  }
+
+ private:
+  size_t files_ = 0;
+  std::map<std::string, size_t> places_;
+  std::vector<std::pair<std::string, Names>> order_;
+};
+
+std::string remark_on_guesses(const Guesses& guesses) {
+  Index cells = 0;
+  Names words;
+  for (const auto& [word, guess] : guesses) {
+    cells += guess.cells;
+    words.push_back(word);
+  }
+  return fmt::format("{} with {} {}; the first one is at {}", words::plural(cells, "cell"), quoted(words),
+                     cells == 1 ? "was read as a missing sample" : "were read as missing samples",
+                     guesses.begin()->second.first);
+}
+
+void add_guesses(const Guesses& more, const std::string& file, Guesses& to) {
+  for (const auto& [word, guess] : more) {
+    Guess& sum = to[word];
+    if (sum.cells == 0) sum.first = file.empty() ? guess.first : fmt::format("{}, {}", file, guess.first);
+    sum.cells += guess.cells;
+  }
+}
+
+// The lengths that the comments of the tables state, for those that state any.
+void apply_noted_lengths(const std::vector<Index>& noted, Ensemble& e) {
+  std::vector<Index> length = e.length.empty() ? std::vector<Index>(size_t(e.experiments()), e.steps()) : e.length;
+  for (size_t n = 0; n < length.size(); ++n)
+    if (noted[n] >= 0) length[n] = std::min(noted[n], e.steps());
+  set_length(e, std::move(length));
+}
+
+void check_length(const Table& table) {
+  const size_t experiments = table.records.rows.experiments.size();
+  if (!table.length.empty() && table.length.size() != experiments)
+    fail("length: {} entries found for {} experiments, one entry for each experiment needed", table.length.size(),
+         experiments);
+}
+
+// Aligns, resamples and assembles the rows.
+Ensemble ensemble_of(Table table, const ReadOptions& options, bool many) {
+  const bool aligned = !options.trigger.empty();
+  Records& records = table.records;
+  if (aligned)
+    align(options.trigger, records);
+  else if (many || table.stamped)
+    begin_together(records);
+  if (options.resample)
+    resample({*options.resample, options.resample_method, Index(options.longest_gap)}, aligned, records);
+  Assembly assembly;
+  assembly.dt = options.resample ? options.resample : table.dt;
+  if (aligned) assembly.before = Index(options.before);
+  assembly.own_lengths = many || aligned || options.resample;
+  Ensemble e = assembled(records, assembly);
+  e.names = std::move(table.channels);
+  if (table.names_experiments) set_experiment_names(e, records.rows.experiments);
+  if (!aligned) e.initial_state = table.initial_state;
+  return e;
 }
 
 }  // namespace
 
 Ensemble read_csv(const std::filesystem::path& path, const ReadOptions& options) {
-  Tokenizer file(path);
-  Notes notes;
-  while (const auto comment = file.next_comment()) read_note(*comment, notes);
-  const auto header = file.next();
-  if (!header) fail("no header line found: a line with the names of the columns needed");
-  const Names& inputs = names_to_read(*header, options.inputs, notes.channels.input_names, options.wanted.input_names);
-  const Names& outputs =
-      names_to_read(*header, options.outputs, notes.channels.output_names, options.wanted.output_names);
-  Columns columns = columns_of(*header, inputs, outputs);
-  require_channels(columns, options.outputs_required);
-  find_steps(notes.channels, columns);
-
-  RecordReader reader(columns);
-  std::optional<std::string> cut;
-  while (const auto row = file.next()) {
-    checkpoint();
-    reader.add(*row);
-    if (file.has_open_end(*row)) cut = remark_on_end(*row, columns);
+  Table table = read_table(path, options);
+  Names remarks = table.remarks;
+  if (!table.guesses.empty()) remarks.push_back(remark_on_guesses(table.guesses));
+  const std::vector<Index> length = table.length;
+  const bool changed = !options.trigger.empty() || options.resample.has_value();
+  if (!changed) check_length(table);
+  Ensemble e = ensemble_of(std::move(table), options, false);
+  if (!changed && !length.empty()) {
+    e.length = length;
+    for (size_t n = 0; n < length.size(); ++n)
+      for (Index k = std::max(length[n], Index{0}); k < e.steps(); ++k) {
+        e.input(k).row(Index(n)).setConstant(missing);
+        e.output(k).row(Index(n)).setConstant(missing);
+      }
   }
-  const Records records = reader.take();
-  if (records.rows.time.empty()) fail("no rows after the header found, samples needed");
-
-  const Steps steps = steps_of(records, notes.dt);
-  const bool shows_dt = columns.time && steps.grid.shows_dt;
-  Ensemble e(static_cast<Index>(records.rows.experiments.size()), steps.count,
-             static_cast<Index>(columns.inputs.size()), static_cast<Index>(columns.outputs.size()),
-             notes.dt.value_or(shows_dt ? columns.unit.in_seconds(steps.grid.dt) : 1.0));
-  e.dt_stated = notes.dt || shows_dt;
-  fill(records, steps.grid, e);
-  e.names = channels_of(columns, *header, notes);
-  if (columns.experiment) set_experiment_names(e, records.rows.experiments);
-  e.initial_state = notes.initial_state;
-  apply_length(notes.length, e);
   e.check(options.outputs_required);
-  for (const auto& remark :
-       {remark_on_unused_columns(columns), remark_on_steps(columns), remark_on_empty_steps(records, steps), cut})
-    if (remark) e.remarks.push_back(*remark);
-  if (notes.has_checksum || file.is_changed()) e.remarks.push_back(remark_on_change(path));
+  e.remarks.insert(e.remarks.begin(), remarks.begin(), remarks.end());
   return e;
 }
 
-// ---- writing ----
-
-namespace {
-
-// A spreadsheet program executes a cell that begins like a formula, and a formula can read files and start programs.
-// The program also splits the lists in the comments into cells, so the names and units in these lists are checked, too.
-void check_no_formula(const char* key, const Names& texts) {
-  for (const std::string& text : texts)
-    if (!text.empty() && std::string_view("=+-@\t").find(text.front()) != std::string_view::npos &&
-        text.find_first_of("(!|") != std::string::npos)
-      fail("{}: '{}' found, which spreadsheet programs take for a formula; another text needed in .csv", key, text);
-}
-
-Names column_names(const Ensemble& e) {
-  Names names{"experiment", e.dt_stated ? "time" : "k"};
-  for (Index i = 0; i < e.inputs(); ++i) names.push_back(e.names.input(i));
-  for (Index j = 0; j < e.outputs(); ++j) names.push_back(e.names.output(j));
-  std::unordered_map<std::string, int> count;
-  for (const std::string& name : names) ++count[name];
-  for (size_t c = 0; c < names.size(); ++c)
-    if (count[names[c]] > 1 || (c > 1 && is_reserved(names[c])))
-      fail("channel name '{}' found twice or as the name of a column of its own in .csv; distinct names needed",
-           names[c]);
-  return names;
-}
-
-std::string csv_cell(const std::string& text) {
-  std::string cell(2 * text.size() + 2, '\0');
-  cell.resize(csv_write(cell.data(), cell.size(), text.data(), text.size()));
-  const bool plain = cell.size() == text.size() + 2 && !text.empty() && text == trimmed(text) &&
-                     text.find_first_of(",\r\n#") == std::string::npos;
-  return plain ? text : cell;
-}
-
-void write_notes(const Ensemble& e, std::string& out) {
-  const auto note = [&](const char* key, const auto& value) { out += fmt::format("# {} = {}\n", key, text_of(value)); };
-  if (e.dt_stated) out += fmt::format("# dt = {}\n", e.dt);
-  if (e.initial_state) out += fmt::format("# initial_state = {}\n", to_string(*e.initial_state));
-  if (!e.length.empty()) note("length", e.length);
-  if (!e.names.input_names.empty()) note("input_names", e.names.input_names);
-  if (!e.names.output_names.empty()) note("output_names", e.names.output_names);
-  if (!e.names.input_units.empty()) note("input_units", e.names.input_units);
-  if (!e.names.output_units.empty()) note("output_units", e.names.output_units);
-}
-
-void write_row(const Ensemble& e, Index n, Index k, std::string_view experiment, std::string& out) {
-  out += fmt::format("{},{}", experiment, static_cast<double>(k) * (e.dt_stated ? e.dt : 1.0));
-  for (Index c = 0; c < e.channels(); ++c) {
-    const double value = e.samples()(n, k * e.channels() + c);
-    out.push_back(',');
-    if (!std::isnan(value)) out += fmt::format("{}", value);
+Ensemble read_csv(const std::vector<std::filesystem::path>& paths, const ReadOptions& options) {
+  const Names labels = labels_of(paths);
+  Table all;
+  First first;
+  Remarks remarks;
+  Guesses guesses;
+  std::vector<Index> noted;
+  for (size_t i = 0; i < paths.size(); ++i) {
+    const std::string file = paths[i].filename().string();
+    naming(paths[i], [&] {
+      const Unchanged unchanged(paths[i]);
+      Table table = read_table(paths[i], options, i > 0 ? &first : nullptr);
+      unchanged.check();
+      check_length(table);
+      if (i > 0) check_same(first.file, all, table);
+      name_experiments(paths[i], labels[i], table);
+      remarks.add(file, table.remarks);
+      add_guesses(table.guesses, file, guesses);
+      std::vector<Index> length = table.length;
+      length.resize(table.records.rows.experiments.size(), -1);
+      noted.insert(noted.end(), length.begin(), length.end());
+      if (i > 0) {
+        append(table.records, all.records);
+        if (!all.dt) all.dt = table.dt;
+        if (!all.initial_state) all.initial_state = table.initial_state;
+      } else {
+        first = {file, table.input_titles, table.output_titles};
+        all = std::move(table);
+      }
+      return 0;
+    });
   }
-  out.push_back('\n');
-}
-
-// Rows without any sample are not written. The rows of the first experiment and of the first step are always written,
-// so that all experiments and steps exist in the file.
-bool is_needed(const Ensemble& e, Index n, Index k) {
-  return n == 0 || k == 0 || !e.samples().row(n).segment(k * e.channels(), e.channels()).array().isNaN().all();
-}
-
-void check_fits(const Ensemble& e) {
-  if (e.free.experiments > 0) fail("free responses don't fit into .csv; .npz, .h5 or .mat needed");
-  if (e.inputs() == 0) fail("an ensemble without inputs doesn't fit into .csv; .npz, .h5 or .mat needed");
-  const std::pair<const char*, const Names&> texts[] = {{"input_names", e.names.input_names},
-                                                        {"output_names", e.names.output_names},
-                                                        {"input_units", e.names.input_units},
-                                                        {"output_units", e.names.output_units},
-                                                        {"experiment_names", e.experiment_names}};
-  for (const auto& [key, list] : texts) {
-    check_texts(key, list);
-    check_no_formula(key, list);
-  }
-}
-
-}  // namespace
-
-void write_csv(const Ensemble& e, const std::filesystem::path& path) {
-  check_fits(e);
-  ByteWriter file(path);
-  TextChecksum checksum;
-  std::string out = checksum_line(std::string(16, '0'));  // replaced when the checksum is known
-  file.write(out);
-  out.clear();
-  write_notes(e, out);
-  Names cells = column_names(e);
-  std::transform(cells.begin(), cells.end(), cells.begin(), csv_cell);
-  out += fmt::format("{}\n", fmt::join(cells, ","));
-  for (Index n = 0; n < e.experiments(); ++n) {
-    checkpoint();
-    const std::string name = e.experiment_name(n);
-    const std::string experiment = name.empty() ? fmt::format("{}", n) : csv_cell(name);
-    for (Index k = 0; k < e.steps(); ++k)
-      if (is_needed(e, n, k)) write_row(e, n, k, experiment, out);
-    checksum.add(out);
-    file.write(out);
-    out.clear();
-  }
-  file.rewind();
-  file.write(checksum_line(checksum.digits()));
+  all.names_experiments = true;
+  const bool changed = !options.trigger.empty() || options.resample.has_value();
+  Ensemble e = ensemble_of(std::move(all), options, true);
+  if (!changed && std::any_of(noted.begin(), noted.end(), [](Index length) { return length >= 0; }))
+    apply_noted_lengths(noted, e);
+  e.check(options.outputs_required);
+  Names texts = remarks.take();
+  if (!guesses.empty()) texts.push_back(remark_on_guesses(guesses));
+  e.remarks.insert(e.remarks.begin(), texts.begin(), texts.end());
+  return e;
 }
 
 }  // namespace tokid::io

@@ -5,6 +5,7 @@
 #include <array>
 #include <mutex>
 
+#include "io/formats/data_files.hpp"
 #include "io/formats/files.hpp"
 #include "io/formats/formats.hpp"
 #include "io/formats/hdf5_blocks.hpp"
@@ -156,6 +157,7 @@ void EnsembleFile::expect(Index begin, Index end) const {
 }
 
 std::optional<double> bytes_in_blocks(const fs::path& path) {
+  if (io::stands_for_files(path)) return std::nullopt;
   return io::naming(path, [&]() -> std::optional<double> {
     if (!io::is_hdf5(path)) return std::nullopt;
     io::check_readable(path);

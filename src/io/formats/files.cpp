@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <fstream>
 
+#include "io/formats/data_files.hpp"
 #include "io/formats/formats.hpp"
 #include "io/formats/model_pieces.hpp"
 #include "io/formats/sample_time.hpp"
@@ -92,6 +93,10 @@ void io::check_readable(const fs::path& path) {
 bool io::is_hdf5(const fs::path& path) { return format_of(path) == Format::hdf5; }
 
 FileKind file_kind(const fs::path& path) {
+  if (io::stands_for_files(path)) {
+    const std::vector<fs::path> files = data_files(path);
+    return files.size() == 1 ? file_kind(files.front()) : FileKind::ensemble;
+  }
   return naming(path, [&] {
     const Format format = format_of(path);
     check_readable(path);
@@ -106,11 +111,31 @@ FileKind file_kind(const fs::path& path) {
   });
 }
 
-Ensemble load_ensemble(const fs::path& path, const ReadOptions& options) {
+namespace {
+
+Ensemble in_wanted_order(Ensemble found, const ReadOptions& options) {
+  const bool chosen = !options.inputs.empty() || !options.outputs.empty();
+  std::optional<Ensemble> ordered = chosen ? std::nullopt : in_order(found, options.wanted);
+  return ordered ? *std::move(ordered) : std::move(found);
+}
+
+// \throws IoError for options that only .csv files have
+void check_no_csv_options(const ReadOptions& options) {
+  if (!options.inputs.empty() || !options.outputs.empty())
+    fail("columns can be chosen in .csv files only; here 'u' are the inputs and 'y' the outputs");
+  const auto refuse = [](bool stated, const char* name) {
+    if (stated) fail("{}: only .csv files are read with this option; leave it out, or convert the data to .csv", name);
+  };
+  refuse(!options.missing.empty(), "missing");
+  refuse(options.dates != DateOrder::automatic, "dates");
+  refuse(!options.trigger.empty(), "trigger");
+  refuse(options.resample.has_value(), "resample");
+}
+
+Ensemble load_one(const fs::path& path, const ReadOptions& options) {
   Ensemble found = loaded(path, [&](Format format) {
     if (format == Format::csv) return io::read_csv(path, options);
-    if (!options.inputs.empty() || !options.outputs.empty())
-      fail("columns can be chosen in .csv files only; here 'u' are the inputs and 'y' the outputs");
+    check_no_csv_options(options);
     const io::Fields fields(read(path, format, io::ensemble_names()));
     if (io::is_model(fields.names())) fail("a model found, an ensemble ('u', 'y') needed");
     if (io::is_controller(fields.names())) fail("a controller of tokid lqr found, an ensemble ('u', 'y') needed");
@@ -119,9 +144,42 @@ Ensemble load_ensemble(const fs::path& path, const ReadOptions& options) {
                              [&](const io::Names& wanted) { return read(path, format, wanted); });
     return e;
   });
-  const bool chosen = !options.inputs.empty() || !options.outputs.empty();
-  std::optional<Ensemble> ordered = chosen ? std::nullopt : in_order(found, options.wanted);
-  return ordered ? *std::move(ordered) : std::move(found);
+  return in_wanted_order(std::move(found), options);
+}
+
+// How messages name several files.
+fs::path name_of(const std::vector<fs::path>& paths, const std::vector<fs::path>& files) {
+  if (paths.size() == 1) return paths.front();
+  return fmt::format("{} and {} more", files.front().string(), files.size() - 1);
+}
+
+}  // namespace
+
+Ensemble load_ensemble(const fs::path& path, const ReadOptions& options) {
+  return load_ensemble(std::vector<fs::path>{path}, options);
+}
+
+Ensemble load_ensemble(const std::vector<fs::path>& paths, const ReadOptions& options) {
+  if (paths.empty()) throw std::invalid_argument("paths: no path found, one or more needed");
+  io::check_options(options);
+  if (paths.size() == 1 && !io::stands_for_files(paths.front())) return load_one(paths.front(), options);
+  std::vector<fs::path> files;
+  for (const fs::path& path : paths)
+    for (fs::path& file : data_files(path)) files.push_back(std::move(file));
+  std::sort(files.begin(), files.end(),
+            [](const fs::path& a, const fs::path& b) { return io::is_before(a.string(), b.string()); });
+  files.erase(std::unique(files.begin(), files.end()), files.end());
+  for (const fs::path& file : files)
+    naming(file, [&] {
+      if (files.size() > 1 && format_of(file) != Format::csv)
+        fail("{} files found, from '{}' to '{}', of which each one must be a .csv", files.size(),
+             files.front().string(), files.back().string());
+      check_readable(file);
+      return 0;
+    });
+  if (files.size() == 1 && format_of(files.front()) != Format::csv) return load_one(files.front(), options);
+  Ensemble found = naming(name_of(paths, files), [&] { return io::read_csv(files, options); });
+  return in_wanted_order(std::move(found), options);
 }
 
 void io::load_arrays(const fs::path& path, const Names& wanted, const std::function<void(const Fields&)>& use) {

@@ -151,8 +151,8 @@ bool first_is_wrong(const Fit& fit, double usual) {
                                       fit.uncounted, fit.grid.dt)
                         : fmt::format("which differs by {:.4g} from even steps of {:.10g} that begin at {}", fit.off,
                                       fit.grid.dt, first ? fit.time[*fit.wrong] : fit.time[0]);
-  fail("line {}, column '{}': {} found, {}; {}resample to even times, or number the steps in a column 'k'",
-       rows.line[row], rows.name, rows.time[row], what, stated ? "" : "state '# dt = …' above the header, ");
+  fail("{}, column '{}': {} found, {}; {}resample to even times (option resample), or number the steps in a column 'k'",
+       place(rows, row), rows.name, rows.time[row], what, stated ? "" : "state '# dt = …' above the header, ");
 }
 
 // Throws if all rows are several steps apart, because the sample time is then probably wrong. With a stated dt, the
@@ -210,11 +210,21 @@ void Precision::add(std::string_view text, double value) {
   single_ = single_ && (digits <= most_of_single || double(float(value)) == value);
 }
 
+void Precision::add(const Precision& other) {
+  digits_ = std::max(digits_, other.digits_), decimals_ = std::max(decimals_, other.decimals_);
+  single_ = single_ && other.single_;
+}
+
 double Precision::unit(double value) const {
   const double size = std::abs(value);
   const double of_digits = size > 0 ? std::pow(10.0, std::floor(std::log10(size)) + 1 - digits_) : 0.0;
   constexpr double single_epsilon = std::numeric_limits<float>::epsilon();
   return std::max({std::pow(10.0, -decimals_), of_digits, single_ ? single_epsilon * size : 0.0});
+}
+
+std::string place(const TimeColumn& rows, size_t row) {
+  const std::string line = fmt::format("line {}", rows.line[row]);
+  return rows.files.empty() ? line : fmt::format("{}, {}", rows.files[size_t(rows.experiment[row])], line);
 }
 
 void check_common_steps(const TimeColumn& rows, std::string_view needed) {

@@ -17,7 +17,8 @@ namespace tokid::io {
 class Precision {
  public:
   void add(std::string_view text, double value);
-  double unit(double value) const;  // the unit to which numbers of this size are rounded
+  void add(const Precision& other);  // as if its numbers had been added
+  double unit(double value) const;   // the unit to which numbers of this size are rounded
 
  private:
   int digits_ = 1, decimals_ = 0;
@@ -31,8 +32,12 @@ struct TimeColumn {
   std::vector<Index> experiment;  // of each row
   std::vector<Index> line;        // of each row
   Names experiments;              // in the order of appearance
+  Names files;                    // of each experiment, where the rows come from several files; else empty
   Precision precision;            // of the times
 };
+
+// "line 17", or "run3.csv, line 17" where the rows come from several files.
+std::string place(const TimeColumn& rows, size_t row);
 
 struct Grid {
   double begin = 0.0, dt = 1.0;  // in the unit of the times

@@ -54,7 +54,7 @@ std::string with_spaces(std::string text) {
 std::optional<std::string_view> behind_word(std::string_view name, std::string_view lower) {
   const std::string spaced = with_spaces(std::string(lower));
   for (const std::string_view word :
-       {"time since start", "time elapsed", "elapsed time", "elapsed", "timestamp", "time", "t"}) {
+       {"time since start", "time elapsed", "elapsed time", "elapsed", "timestamp", "time", "zeit", "t"}) {
     if (!spaced.starts_with(word) || (word == "t" && name[0] != 't')) continue;
     const std::string_view rest = lower.substr(word.size());
     // This excludes words such as "temperature", "times_pressed" and "t1".

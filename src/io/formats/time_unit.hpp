@@ -19,10 +19,10 @@ struct TimeUnit {
 };
 
 // The unit of a column of times; empty for the name of another column. The name begins with "time", "t", "timestamp",
-// "elapsed", "elapsed time", "time elapsed" or "time since start". Capital letters are allowed, except for "t", because
-// T is a temperature or a period. The unit follows in brackets, or after " ", "_", "-", "/" or "in". Without a unit,
-// times are in seconds. "sec" and the plurals of units up to the second ("seconds", "milliseconds since start") need no
-// word before them. \throws IoError for "time" with an unknown unit in brackets
+// "elapsed", "elapsed time", "time elapsed", "time since start" or "Zeit". Capital letters are allowed, except for "t",
+// because T is a temperature or a period. The unit follows in brackets, or after " ", "_", "-", "/" or "in". Without a
+// unit, times are in seconds. "sec" and the plurals of units up to the second ("seconds", "milliseconds since start")
+// need no word before them. \throws IoError for "time" with an unknown unit in brackets
 std::optional<TimeUnit> time_unit(std::string_view column);
 
 // Is the name "step" or "sample", alone or followed by "number", "no" or "index"? Capital letters are allowed. "index"

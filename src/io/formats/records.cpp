@@ -1,0 +1,345 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "io/formats/records.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <numeric>
+
+#include "base/words.hpp"
+#include "io/guard/claims.hpp"
+
+namespace tokid::io {
+
+namespace {
+
+constexpr double no_sample = std::numeric_limits<double>::quiet_NaN();
+constexpr double infinite = std::numeric_limits<double>::infinity();
+
+std::vector<double> first_times(const Records& records) {
+  std::vector<double> first(records.rows.experiments.size(), infinite);
+  for (size_t i = 0; i < records.rows.time.size(); ++i) {
+    double& time = first[size_t(records.rows.experiment[i])];
+    time = std::min(time, records.rows.time[i]);
+  }
+  return first;
+}
+
+bool have_common_step(const Records& records) {
+  const std::vector<double> first = first_times(records);
+  std::vector<double> last(first.size(), -infinite);
+  for (size_t i = 0; i < records.rows.time.size(); ++i) {
+    double& time = last[size_t(records.rows.experiment[i])];
+    time = std::max(time, records.rows.time[i]);
+  }
+  return *std::max_element(first.begin(), first.end()) <= *std::min_element(last.begin(), last.end());
+}
+
+// Keeps the experiments in `kept`, in their order, with all their rows.
+void keep(const std::vector<bool>& kept, Records& records) {
+  std::vector<Index> number(kept.size(), -1);
+  Names experiments, files;
+  for (size_t n = 0; n < kept.size(); ++n) {
+    if (!kept[n]) continue;
+    number[n] = Index(experiments.size());
+    experiments.push_back(records.rows.experiments[n]);
+    if (!records.rows.files.empty()) files.push_back(records.rows.files[n]);
+  }
+  TimeColumn& rows = records.rows;
+  size_t to = 0;
+  const size_t channels = records.channels();
+  for (size_t i = 0; i < rows.time.size(); ++i) {
+    const Index n = number[size_t(rows.experiment[i])];
+    if (n < 0) continue;
+    rows.time[to] = rows.time[i], rows.experiment[to] = n, rows.line[to] = rows.line[i];
+    std::copy_n(records.samples.begin() + std::ptrdiff_t(i * channels), channels,
+                records.samples.begin() + std::ptrdiff_t(to * channels));
+    ++to;
+  }
+  rows.time.resize(to), rows.experiment.resize(to), rows.line.resize(to);
+  records.samples.resize(to * channels);
+  rows.experiments = std::move(experiments), rows.files = std::move(files);
+}
+
+std::string some_of(const Names& names) {
+  constexpr size_t most = 5;
+  const Names first(names.begin(), names.begin() + std::ptrdiff_t(std::min(most, names.size())));
+  return names.size() > most ? fmt::format("{} and {} more", quoted(first), names.size() - most) : quoted(first);
+}
+
+// ---- resampling ----
+
+// One channel of one experiment: its samples that are not missing, in the order of time.
+struct Signal {
+  std::vector<double> time, value;
+};
+
+// Samples at the same time become one, their mean.
+Signal signal_of(const Records& records, const std::vector<size_t>& order, size_t channel) {
+  Signal s;
+  size_t same = 1;
+  for (const size_t i : order) {
+    const double time = records.rows.time[i], value = records.samples[i * records.channels() + channel];
+    if (std::isnan(value)) continue;
+    if (!s.time.empty() && s.time.back() == time) {
+      s.value.back() += (value - s.value.back()) / double(++same);
+      continue;
+    }
+    same = 1;
+    s.time.push_back(time), s.value.push_back(value);
+  }
+  return s;
+}
+
+double median_of(std::vector<double> values) {
+  if (values.empty()) return 0.0;
+  const auto middle = values.begin() + std::ptrdiff_t(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+// `slack`: times that differ by less are the same, because they are rounded.
+double at(const Signal& s, double time, double dt, double longest, double slack, ResampleMethod method) {
+  if (s.time.empty()) return no_sample;
+  if (method == ResampleMethod::mean) {
+    const auto begin = std::lower_bound(s.time.begin(), s.time.end(), time - 0.5 * dt - slack);
+    const auto end = std::lower_bound(begin, s.time.end(), time + 0.5 * dt - slack);
+    if (begin == end) return no_sample;
+    const auto value = s.value.begin() + (begin - s.time.begin());
+    return std::accumulate(value, value + (end - begin), 0.0) / double(end - begin);
+  }
+  const auto after = std::upper_bound(s.time.begin(), s.time.end(), time + slack);
+  if (after == s.time.begin()) return no_sample;
+  const size_t i = size_t(after - s.time.begin()) - 1;
+  if (std::abs(s.time[i] - time) <= slack) return s.value[i];
+  if (after == s.time.end() || *after - s.time[i] > longest + slack) return no_sample;
+  if (method == ResampleMethod::previous) return s.value[i];
+  const double share = (time - s.time[i]) / (*after - s.time[i]);
+  return (1.0 - share) * s.value[i] + share * s.value[i + 1];
+}
+
+// What the method does to noise that is independent from sample to sample.
+std::string effect_on_noise(ResampleMethod method, double dt, double usual) {
+  const double samples = dt / usual;
+  switch (method) {
+    case ResampleMethod::linear:
+      return samples < 1.5 ? "interpolation correlates the noise of neighbouring steps and lowers it between two "
+                             "samples, so bounds and tests of whiteness are too optimistic"
+                           : fmt::format(
+                                 "interpolation uses two of about {:.0f} samples in each step, and frequencies "
+                                 "above {:.4g} Hz appear as lower ones; the method mean averages them",
+                                 samples, 0.5 / dt);
+    case ResampleMethod::mean:
+      return samples < 1.5 ? "most averages are of one sample or none: a longer sample time or another method is better"
+                           : fmt::format(
+                                 "averages of about {:.0f} samples have {:.2g} of the standard deviation of the "
+                                 "noise, and fast motion is averaged too",
+                                 samples, 1.0 / std::sqrt(samples));
+    default:
+      return samples < 1.0 ? "samples are repeated, so their noise is the same in neighbouring steps, and tests of "
+                             "whiteness are too optimistic"
+                           : fmt::format("samples are up to {:.4g} s old", usual);
+  }
+}
+
+const char* name_of(ResampleMethod method) {
+  return method == ResampleMethod::linear ? "linear" : method == ResampleMethod::mean ? "mean" : "previous";
+}
+
+// ---- steps ----
+
+struct Steps {
+  Grid grid;
+  double origin = 0.0;  // step of the grid that is step 0 of the ensemble
+  Index count = 1;
+};
+
+Steps steps_of(const Records& records, const Assembly& choice) {
+  const auto [first, last] = std::minmax_element(records.rows.time.begin(), records.rows.time.end());
+  if (choice.dt && (!(*choice.dt > 0) || !std::isfinite(*choice.dt)))
+    fail("dt: {} found, a positive time in seconds needed", *choice.dt);
+  // Step numbers that continue from one experiment to the next probably count rows. Only a column named "k" is trusted.
+  if (!records.doubt.empty())
+    check_common_steps(records.rows, "step numbers from the begin of each experiment on needed, or the name 'k'");
+  Steps result;
+  result.grid = records.source == StepSource::times ? time_grid(records.rows, choice.dt) : Grid{*first, 1.0};
+  if (choice.before) result.origin = result.grid.step(0.0) - double(*choice.before);
+  const double steps = result.grid.step(*last) - result.origin + 1, rows = double(records.rows.time.size());
+  const size_t experiments = records.rows.experiments.size();
+  // Without this limit, one wrong time or step number could take far more memory than the number of rows justifies.
+  const double channels = double(records.channels());
+  const double samples = steps * double(experiments) * channels;
+  if (!(samples <= 1e6 + 1000 * rows * channels))
+    fail("{} experiments of {} steps found in only {} rows, fewer missing rows needed; check the times or step numbers",
+         experiments, steps, rows);
+  if (!(samples * sizeof(double) <= double(memory_limit())))
+    fail("{} experiments of {} steps with {} channels found, which take {} bytes of memory; this machine has {}",
+         experiments, steps, channels, samples * sizeof(double), memory_limit());
+  result.count = Index(steps);
+  return result;
+}
+
+void fill(const Records& records, const Steps& steps, Ensemble& e, std::vector<Index>& length) {
+  std::vector<bool> seen(size_t(e.experiments() * e.steps()));
+  for (size_t i = 0; i < records.rows.time.size(); ++i) {
+    const Index n = records.rows.experiment[i], k = Index(steps.grid.step(records.rows.time[i]) - steps.origin);
+    if (k < 0) continue;  // before the steps that are kept
+    auto cell = seen[size_t(n * e.steps() + k)];
+    if (cell)
+      fail("{}: a second row for step {} of experiment '{}' found, one needed{}", place(records.rows, i), k,
+           records.rows.experiments[size_t(n)], records.doubt);
+    cell = true;
+    length[size_t(n)] = std::max(length[size_t(n)], k + 1);
+    const double* sample = records.samples.data() + i * records.channels();
+    for (Index j = 0; j < e.inputs(); ++j) e.u(n, k, j) = *sample++;
+    for (Index j = 0; j < e.outputs(); ++j) e.y(n, k, j) = *sample++;
+  }
+}
+
+// Steps without any row may be intended, or the column may not contain step numbers.
+std::optional<std::string> remark_on_empty_steps(const Records& records, const Steps& steps) {
+  if (records.source != StepSource::numbers) return std::nullopt;
+  std::int64_t common = 0;
+  for (const double number : records.rows.time) common = std::gcd(common, std::int64_t(steps.grid.step(number)));
+  if (common < 2) return std::nullopt;
+  return fmt::format(
+      "column '{0}': all step numbers are {1} or multiples of it apart, so the {2} steps between count as missing; divide "
+      "the numbers by {1} where no step is missing",
+      records.rows.name, common, common - 1);
+}
+
+}  // namespace
+
+void append(const Records& more, Records& to) {
+  const Index experiments = Index(to.rows.experiments.size());
+  const TimeUnit &from_unit = more.rows.unit, &to_unit = to.rows.unit;
+  const bool same_unit = from_unit.seconds == to_unit.seconds && from_unit.over == to_unit.over;
+  for (const double time : more.rows.time)
+    to.rows.time.push_back(same_unit ? time : to_unit.from_seconds(from_unit.in_seconds(time)));
+  for (const Index n : more.rows.experiment) to.rows.experiment.push_back(experiments + n);
+  to.rows.line.insert(to.rows.line.end(), more.rows.line.begin(), more.rows.line.end());
+  to.rows.experiments.insert(to.rows.experiments.end(), more.rows.experiments.begin(), more.rows.experiments.end());
+  to.rows.files.insert(to.rows.files.end(), more.rows.files.begin(), more.rows.files.end());
+  if (same_unit) {
+    to.rows.precision.add(more.rows.precision);
+  } else {
+    for (size_t i = to.rows.time.size() - more.rows.time.size(); i < to.rows.time.size(); ++i)
+      to.rows.precision.add(fmt::format("{}", to.rows.time[i]), to.rows.time[i]);
+  }
+  to.samples.insert(to.samples.end(), more.samples.begin(), more.samples.end());
+  to.event.insert(to.event.end(), more.event.begin(), more.event.end());
+}
+
+void begin_together(Records& records) {
+  if (records.rows.time.empty() || have_common_step(records)) return;
+  const std::vector<double> first = first_times(records);
+  for (size_t i = 0; i < records.rows.time.size(); ++i)
+    records.rows.time[i] -= first[size_t(records.rows.experiment[i])];
+  records.remarks.emplace_back(
+      "the experiments have no time in common, so each one begins at its first row; --trigger aligns them by an event");
+}
+
+void align(const std::string& trigger, Records& records) {
+  const size_t experiments = records.rows.experiments.size();
+  std::vector<double> begin(experiments, infinite);
+  for (size_t i = 0; i < records.rows.time.size(); ++i) {
+    double& time = begin[size_t(records.rows.experiment[i])];
+    if (records.event[i]) time = std::min(time, records.rows.time[i]);
+  }
+  std::vector<bool> kept;
+  Names without;
+  for (size_t n = 0; n < experiments; ++n) {
+    kept.push_back(begin[n] < infinite);
+    if (!kept.back()) without.push_back(records.rows.experiments[n]);
+  }
+  if (without.size() == experiments)
+    fail("trigger '{}': it holds at no row of any experiment; a condition that holds somewhere needed", trigger);
+  for (size_t i = 0; i < records.rows.time.size(); ++i) {
+    const double time = begin[size_t(records.rows.experiment[i])];
+    if (time < infinite) records.rows.time[i] -= time;
+  }
+  records.event.clear();
+  if (without.empty()) return;
+  keep(kept, records);
+  records.remarks.push_back(fmt::format("trigger '{}': it never holds in {} {}, which {} dropped", trigger,
+                                        without.size() == 1 ? "experiment" : "experiments", some_of(without),
+                                        without.size() == 1 ? "was" : "were"));
+}
+
+void resample(const Resampling& choice, bool aligned, Records& records) {
+  if (records.source != StepSource::times)
+    fail("resample: no column of times found; a column of times, such as 't [s]', needed");
+  if (!(choice.dt > 0) || !std::isfinite(choice.dt))
+    fail("resample: {} found, a positive time in seconds needed", choice.dt);
+  const TimeColumn& rows = records.rows;
+  const double dt = rows.unit.from_seconds(choice.dt);
+  std::vector<std::vector<size_t>> order(rows.experiments.size());
+  for (size_t i = 0; i < rows.time.size(); ++i) order[size_t(rows.experiment[i])].push_back(i);
+  std::vector<double> distances;
+  for (std::vector<size_t>& own : order) {
+    std::stable_sort(own.begin(), own.end(), [&](size_t a, size_t b) { return rows.time[a] < rows.time[b]; });
+    for (size_t i = 1; i < own.size(); ++i)
+      if (const double distance = rows.time[own[i]] - rows.time[own[i - 1]]; distance > 0)
+        distances.push_back(distance);
+  }
+  const double usual = median_of(distances), slack = 1e-6 * std::min(dt, usual > 0 ? usual : dt);
+  const double longest = double(choice.longest_gap) * std::max(dt, usual);
+  const double begin = aligned ? 0.0 : *std::min_element(rows.time.begin(), rows.time.end());
+
+  Records result = records;
+  result.rows.time.clear(), result.rows.experiment.clear(), result.rows.line.clear(), result.samples.clear();
+  result.rows.precision = {};
+  const double total = (*std::max_element(rows.time.begin(), rows.time.end()) - begin) / dt;
+  if (!(total * double(order.size() * records.channels()) * sizeof(double) <= 0.25 * double(memory_limit())))
+    fail("resample: {} s found, which makes {:.4g} steps of each experiment, more than fit into memory", choice.dt,
+         total);
+  Index unfilled = 0;
+  for (size_t n = 0; n < order.size(); ++n) {
+    std::vector<Signal> signals;
+    for (size_t c = 0; c < records.channels(); ++c) signals.push_back(signal_of(records, order[n], c));
+    const double first = std::ceil((rows.time[order[n].front()] - begin - slack) / dt);
+    const double last = std::floor((rows.time[order[n].back()] - begin + slack) / dt);
+    auto nearest = order[n].begin();
+    for (double k = first; k <= last; ++k) {
+      const double time = begin + k * dt;
+      while (nearest + 1 != order[n].end() && rows.time[*(nearest + 1)] <= time + slack) ++nearest;
+      result.rows.time.push_back(k * dt);
+      result.rows.experiment.push_back(Index(n));
+      result.rows.line.push_back(rows.line[*nearest]);
+      for (const Signal& s : signals) {
+        result.samples.push_back(at(s, time, dt, longest, slack, choice.method));
+        unfilled += std::isnan(result.samples.back());
+      }
+    }
+  }
+  if (result.rows.time.empty())
+    fail("resample: {} s found, but no experiment is as long; a shorter sample time needed", choice.dt);
+  std::string remark =
+      fmt::format("resampled from about {:.4g} s to {} s by the method {}: {}", rows.unit.in_seconds(usual), choice.dt,
+                  name_of(choice.method), effect_on_noise(choice.method, dt, usual > 0 ? usual : dt));
+  if (unfilled > 0)
+    remark += fmt::format("; {} {} missing, because the gap there is longer than {:.4g} s", unfilled,
+                          unfilled == 1 ? "sample stays" : "samples stay",
+                          choice.method == ResampleMethod::mean ? choice.dt : rows.unit.in_seconds(longest));
+  result.remarks.push_back(std::move(remark));
+  records = std::move(result);
+}
+
+Ensemble assembled(const Records& records, const Assembly& choice) {
+  const Steps steps = steps_of(records, choice);
+  const bool shows_dt = records.source == StepSource::times && steps.grid.shows_dt;
+  const double shown = shows_dt ? records.rows.unit.in_seconds(steps.grid.dt) : 1.0;
+  Ensemble e(Index(records.rows.experiments.size()), steps.count, Index(records.inputs.size()),
+             Index(records.outputs.size()), choice.dt.value_or(shown));
+  e.dt_stated = choice.dt || shows_dt;
+  std::vector<Index> length(size_t(e.experiments()), 0);
+  fill(records, steps, e, length);
+  const bool differ = std::any_of(length.begin(), length.end(), [&](Index own) { return own < e.steps(); });
+  if (choice.own_lengths && differ) e.length = std::move(length);
+  e.remarks = records.remarks;
+  if (auto remark = remark_on_empty_steps(records, steps)) e.remarks.push_back(*std::move(remark));
+  return e;
+}
+
+}  // namespace tokid::io

@@ -1,0 +1,59 @@
+// Rows of samples of one or several tables, and the ensemble that they make.
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "io/arrays.hpp"
+#include "io/formats/time_axis.hpp"
+
+namespace tokid::io {
+
+// What states the steps of the rows: times, step numbers, or the order of the rows.
+enum class StepSource { times, numbers, order };
+
+struct Records {
+  Names inputs, outputs;  // names of the r + m channels
+  StepSource source = StepSource::order;
+  std::string doubt;  // the end of messages about step numbers that may be something else
+  TimeColumn rows;
+  std::vector<double> samples;  // (rows, r + m)
+  std::vector<bool> event;      // of each row: does the trigger hold? Empty: no trigger
+  Names remarks;                // on what was done with the rows
+
+  size_t channels() const { return inputs.size() + outputs.size(); }
+};
+
+// Appends the experiments of `more`, whose channels must be the same.
+void append(const Records& more, Records& to);
+
+// If no step is common to all experiments, each experiment begins with its own first row.
+void begin_together(Records& records);
+
+// Moves the time of each experiment, so that the first row at which the trigger holds has the time 0. Experiments in
+// which it never holds are dropped, and a remark names them. \throws IoError if it holds in no experiment
+void align(const std::string& trigger, Records& records);
+
+struct Resampling {
+  double dt = 1.0;  // [s]
+  ResampleMethod method = ResampleMethod::linear;
+  Index longest_gap = 3;  // steps of dt or of the usual distance of the samples, whichever is longer
+};
+
+// Samples on the grid begin + k dt, where begin is 0 if `aligned`, and else the first time of all rows. A remark states
+// what this does to the noise. \throws IoError unless the rows have times
+void resample(const Resampling& choice, bool aligned, Records& records);
+
+struct Assembly {
+  std::optional<double> dt;     // stated sample time [s]
+  std::optional<Index> before;  // steps to keep before the time 0 of aligned records
+  bool own_lengths = false;     // each experiment ends with its last row; false: absent rows are missing samples
+};
+
+// The ensemble with its samples, sample time, lengths and names of experiments, without names of channels.
+// \throws IoError that names a line, for times off the grid and for rows of the same step
+Ensemble assembled(const Records& records, const Assembly& choice);
+
+}  // namespace tokid::io

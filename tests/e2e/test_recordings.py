@@ -1,0 +1,264 @@
+# SPDX-License-Identifier: BSD-3-Clause
+""".csv files as people have them: many files, dialects, time stamps, missing samples, triggers, resampling."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from conftest import ROOT
+
+U = np.array([0.5, -0.25, 1.0, 0.0, 2.5, 1.5, -1.0, 0.25, 3.0, 0.75])
+Y = np.array([20.0, 20.5, 20.25, 21.0, 20.75, 22.0, 22.5, 21.75, 21.5, 23.0])
+
+
+def write(path, text, encoding="utf-8"):
+    path.write_bytes(text.encode(encoding))
+    return path
+
+
+def read(tokid, tmp_path, *arguments):
+    """The arrays and the warnings of what convert reads."""
+    result = tokid("convert", *arguments, tmp_path / "read.npz")
+    with np.load(tmp_path / "read.npz") as file:
+        return {name: file[name] for name in file.files}, result.stderr
+
+
+def rows(template, separator_of_decimals="."):
+    """A line for each sample; {k} is its number."""
+    lines = []
+    for k, (u, y) in enumerate(zip(U, Y)):
+        u, y = (f"{value:g}".replace(".", separator_of_decimals) for value in (u, y))
+        lines.append(template(k, u, y))
+    return "\n".join(lines) + "\n"
+
+
+@pytest.fixture(scope="module")
+def plant(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("batches") / "plant"
+    subprocess.run([sys.executable, ROOT / "examples" / "batch_plant.py", folder], check=True)
+    return folder
+
+
+COLUMNS = ["--inputs", "valve [%]", "--outputs", "T [degC],p [bar]"]
+
+
+def test_a_folder_of_a_batch_plant_becomes_a_model(tokid, plant, tmp_path):
+    model = tmp_path / "model.h5"
+    result = tokid("identify", plant, *COLUMNS, "-o", model, "--hold-out", "0.2")
+    assert "in all files, lines 1 to 2 before the names of the columns in line 3 were skipped" in result.stderr
+    assert "22 cells with 'Bad' were read as missing samples; the first one is at batch1.csv, line 53" in result.stderr
+    found = tokid.json("validate", model, *sorted(plant.glob("batch*5.csv")))
+    assert found["data"] == [str(path) for path in sorted(plant.glob("batch*5.csv"))]
+    # In simulation, the errors are hardly larger than the noise of the sensors: 0.05 K and 0.002 bar.
+    assert found["simulation_rmse"][0] < 2 * 0.05 and found["simulation_rmse"][1] < 2 * 0.002
+    info = tokid.json("info", plant, *COLUMNS)
+    assert info["experiment_names"] == [f"batch{n}" for n in range(1, 26)]  # batch2 before batch10
+    assert info["dt"] == 10 and info["dt_stated"] and min(info["length"]) < info["steps"] == 90
+    assert [channel["unit"] for channel in info["channels"]] == ["%", "degC", "bar"]
+    assert [channel["name"] for channel in info["channels"]] == ["valve", "T", "p"]
+
+
+def test_files_folders_and_patterns_are_the_same_data(tokid, plant, tmp_path):
+    folder, warnings = read(tokid, tmp_path, plant, *COLUMNS)
+    assert "warning" in warnings
+    for arguments in ([plant / "batch*.csv"], reversed(sorted(plant.iterdir())), [plant, plant / "batch1.csv"]):
+        other, _ = read(tokid, tmp_path, *arguments, *COLUMNS)
+        assert other.keys() == folder.keys()
+        for name, values in folder.items():
+            np.testing.assert_array_equal(values, other[name])
+
+
+DIALECTS = {
+    "semicolons and decimal commas": rows(lambda k, u, y: f"{0.1 * k:.1f};{u};{y}".replace(".", ","), ","),
+    "tabs": rows(lambda k, u, y: f"{0.1 * k:.1f}\t{u}\t{y}"),
+    "quoted decimal commas": rows(lambda k, u, y: f'"{0.1 * k:.1f}","{u}","{y}"'.replace(".", ","), ","),
+}
+HEADERS = {"semicolons and decimal commas": "t [s];u [V];y [\u00b0C]", "tabs": "t [s]\tu [V]\ty [\u00b0C]",
+           "quoted decimal commas": '"t [s]","u [V]","y [\u00b0C]"'}
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "latin-1"])
+def test_dialects(tokid, tmp_path, dialect, encoding):
+    path = write(tmp_path / "data.csv", f"{HEADERS[dialect]}\n{DIALECTS[dialect]}", encoding)
+    data, warnings = read(tokid, tmp_path, path)
+    np.testing.assert_array_equal(data["u"][0, :, 0], U)
+    np.testing.assert_array_equal(data["y"][0, :, 0], Y)
+    assert data["dt"] == 0.1
+    assert list(data["input_units"]) == ["V"] and list(data["output_units"]) == ["\u00b0C"]
+    assert ("Latin-1" in warnings) == (encoding == "latin-1")
+
+
+TIMES = {
+    "milliseconds": ("t [ms]", lambda k: f"{100 * k}"),
+    "ISO 8601": ("Zeitpunkt", lambda k: f"2026-11-27T23:59:59.{k}+01:00"),
+    "ISO 8601 with a space": ("stamp", lambda k: f"2026-11-27 13:12:05.{k}00"),
+    "day.month.year": ("Zeit", lambda k: f"27.11.2026 13:12:05,{k}"),
+    "month/day/year": ("Date", lambda k: f"11/27/2026 1:12:05.{k} PM"),
+    "month by name": ("Timestamp", lambda k: f"27-Nov-26 13:12:05.{k}"),
+    "time of day": ("Uhrzeit", lambda k: f"13:12:05.{k}"),
+}
+
+
+@pytest.mark.parametrize("kind", TIMES)
+def test_times(tokid, tmp_path, kind):
+    title, stamp = TIMES[kind]
+    text = f"{title};u;y\n" + rows(lambda k, u, y: f"{stamp(k)};{u};{y}")
+    data, warnings = read(tokid, tmp_path, write(tmp_path / "data.csv", text))
+    np.testing.assert_array_equal(data["u"][0, :, 0], U)
+    assert data["dt"] == 0.1
+    assert ("dates were read as month/day, as '11/27/2026 1:12:05.0 PM'" in warnings) == (kind == "month/day/year")
+
+
+def test_dates_and_times_of_day_in_two_columns_over_midnight(tokid, tmp_path):
+    text = "Date,Clock,u,y\n" + rows(lambda k, u, y: f"0{3 + (k > 4)}/04/2026,{(19 + k) % 24:02d}:00:00,{u},{y}")
+    path = write(tmp_path / "data.csv", text)
+    refused = tokid("info", path, status=2)
+    assert "'03/04/2026 19:00:00': day/month or month/day, which no date of the column shows" in refused.stderr
+    assert "--dates day-first" in refused.stderr
+    data, _ = read(tokid, tmp_path, path, "--dates", "day-first")
+    assert data["dt"] == 3600
+    np.testing.assert_array_equal(data["y"][0, :, 0], Y)
+    # If all rows have the same date, its order does not matter.
+    text = "Date,Clock,u,y\n" + rows(lambda k, u, y: f"03/04/2026,{k}:00:00 AM,{u},{y}".replace(",0:", ",12:"))
+    data, _ = read(tokid, tmp_path, write(tmp_path / "data.csv", text))
+    assert data["dt"] == 3600 and data["y"].shape == (1, 10, 1)
+
+
+def test_units_below_the_header_and_a_preamble(tokid, tmp_path):
+    text = ("Batch;17\nOperator;M\u00fcller\n\nZeit;Ventil;Temperatur\ns;%;\u00b0C\n" +
+            rows(lambda k, u, y: f"{k};{u};{y};", ","))
+    path = write(tmp_path / "data.csv", text, "latin-1")
+    data, warnings = read(tokid, tmp_path, path, "--inputs", "Ventil", "--outputs", "Temperatur")
+    np.testing.assert_array_equal(data["y"][0, :, 0], Y)
+    assert list(data["output_units"]) == ["\u00b0C"] and data["dt"] == 1
+    assert "lines 1 to 3 before the names of the columns in line 4 were skipped" in warnings
+    assert "line 5 was read as the units of the columns" in warnings
+
+
+def test_words_for_missing_samples(tokid, tmp_path):
+    words = ["Bad", "---", "NaN", "NA", "null", "#N/A", "I/O Timeout", "", "-999.0"]
+    text = "t [s],u,y\n" + "".join(f"{k},{k},{word}\n" for k, word in enumerate(words)) + "9,9,1.5\n"
+    path = write(tmp_path / "data.csv", text)
+    data, warnings = read(tokid, tmp_path, path, "--missing", "-999,Fault 7")
+    assert np.isnan(data["y"][0, :9, 0]).all() and data["y"][0, 9, 0] == 1.5
+    assert "5 cells with '#N/A', '---', 'Bad', 'I/O Timeout', 'null' were read as missing samples" in warnings
+    path = write(tmp_path / "data.csv", text.replace("Bad", "Fault seven"))
+    refused = tokid("info", path, status=2).stderr
+    assert "line 2, column 'y': 'Fault seven' found, a number needed; --missing 'Fault seven' reads it" in refused
+
+
+@pytest.mark.parametrize("text, options, parts", [
+    ("Valve [%],T [degC]\n1,2\n", [], ["no column whose name begins with u found among 'Valve [%]', 'T [degC]'",
+                                      "--inputs 'A,B' --outputs 'C,D'"]),
+    ("t,u,y\n0,1.5,2\n1,2.5,3,4\n", [], ["line 3: 4 cells found, 3 needed; '4' after the last column 'y'"]),
+    ("t;u;y\n0;1.5;2\n1;2,5;3\n", [], ["line 3, column 'u': '2,5' found, but '1.5' in line 2; the same decimal mark"]),
+    ("0,1.5,2\n1,2.5,3\n", [], ["line 1: samples found, but no line above them names the columns"]),
+    ("time;u;y\n27.11.2026 13:00:00;1;2\nsoon;1;2\n", [],
+     ["line 3, column 'time': 'soon' found, a time stamp like '27.11.2026 13:00:00' needed"]),
+    ("t;u;y\n13/04/2026 01:00;1;2\n04/13/2026 01:00;1;2\n", [],
+     ["line 2, '13/04/2026 01:00': the first number can only be the day, but in line 3"]),
+    ("t [s],u,y\n0,1,2\n1,2,3\n", ["--trigger", "u>5"], ["trigger 'u>5': it holds at no row of any experiment"]),
+    ("t [s],u,y\n0,1,2\n1,2,3\n", ["--trigger", "valve>5"], ["no column 'valve' found among 't [s]', 'u', 'y'"]),
+    ("t [s],u,y\n0,1,2\n1,2,3\n", ["--trigger", "valve"], ["trigger: 'valve' found, a column, one of > >= < <= == !="]),
+    ("t [s],u,y\n0,1,2\n1,2,3\n", ["--before", "3"], ["before: no trigger found"]),
+    ("k,u,y\n0,1,2\n1,2,3\n", ["--resample", "0.5"], ["resample: no column of times found"]),
+    ("t [s],p [bar],y\n0,1,2\n1,2,3\n", ["--inputs", "p [mbar]"],
+     ["column 'p [bar]' found, 'p [mbar]' needed: the units differ"]),
+])
+def test_bad_tables(tokid, tmp_path, text, options, parts):
+    message = tokid("info", write(tmp_path / "data.csv", text), *options, status=2).stderr
+    for part in parts:
+        assert part in message
+
+
+def test_utf16_is_refused_with_advice(tokid, tmp_path):
+    message = tokid("info", write(tmp_path / "data.csv", "t,u,y\n0,1,2\n", "utf-16"), status=2).stderr
+    assert "UTF-16 found, UTF-8 needed. Save the table as 'CSV UTF-8'" in message
+
+
+def test_files_that_differ_are_named(tokid, tmp_path):
+    folder = tmp_path / "runs"
+    folder.mkdir()
+    write(folder / "run1.csv", "t [s],u,p [bar],y\n0,1,2,3\n1,2,3,4\n")
+    arguments = ["--inputs", "u", "--outputs", "p,y"]
+    for text, part in [("t [s],u,y\n0,1,2\n", "no column 'p [bar]' found among 't [s]', 'u', 'y'"),
+                       ("t [s],u,p [mbar],y\n0,1,2,3\n", "column 'p [mbar]' found, 'p [bar]' needed: the units differ"),
+                       ("u,y,p [bar]\n0,1,2\n", "no column of times or step numbers found, but column 't [s]' of times "
+                                                "in 'run1.csv'"),
+                       ("t [s],u,p [bar],y\n0,1,oops,3\n", "line 2, column 'p [bar]': 'oops' found, a number needed")]:
+        write(folder / "run2.csv", text)
+        message = tokid("info", folder, *arguments, status=2).stderr
+        assert "run2.csv: " in message and part in message
+    write(folder / "run2.csv", "t [s],u,y,y2,p [bar]\n0,1,2,3,4\n1,2,3,4,5\n")
+    message = tokid("info", folder, status=2).stderr
+    assert "run2.csv: column 'y2' found, which 'run1.csv' does not have" in message
+    data, _ = read(tokid, tmp_path, folder, *arguments)
+    np.testing.assert_array_equal(data["y"][1], [[4, 2], [5, 3]])  # by name
+    write(folder / "run2.csv", "t [s],u,p [bar],y\n0,1,2,3\n1,2,3,4\n2.5,2,3,4\n3,1,1,1\n")
+    message = tokid("info", folder, *arguments, status=2).stderr
+    assert "run2.csv, line" in message and "resample to even times (option resample)" in message
+    assert "a directory without any .csv found" in tokid("info", tmp_path, status=2).stderr
+    assert "no file matches this pattern" in tokid("info", tmp_path / "x*.csv", status=2).stderr
+
+
+def test_trigger(tokid, tmp_path):
+    folder = tmp_path / "runs"
+    folder.mkdir()
+    for run, start in (("a", 3), ("b", 5)):
+        valve = [1.0 if k >= start else 0.0 for k in range(10)]
+        phase = ["idle" if k < start else "heat" for k in range(10)]
+        write(folder / f"{run}.csv", "t [s],u,y,valve,phase\n" + "".join(
+            f"{100 + k},{k - start},{10 * (k - start)},{valve[k]},{phase[k]}\n" for k in range(10)))
+    write(folder / "c.csv", "t [s],u,y,valve,phase\n0,1,2,0,idle\n1,1,2,0,idle\n")
+    for condition in ("valve>0.5", "phase == heat"):
+        data, warnings = read(tokid, tmp_path, folder, "--trigger", condition)
+        assert list(data["experiment_names"]) == ["a", "b"]
+        assert f"trigger '{condition}': it never holds in experiment 'c', which was dropped" in warnings
+        np.testing.assert_array_equal(data["u"][0, :, 0], range(7))
+        np.testing.assert_array_equal(data["u"][1, :5, 0], range(5))
+        assert list(data["length"]) == [7, 5]
+    data, _ = read(tokid, tmp_path, folder, "--trigger", "valve>0.5", "--before", "4")
+    np.testing.assert_array_equal(data["u"][0, :, 0], [np.nan, -3, -2, -1, 0, 1, 2, 3, 4, 5, 6])
+    np.testing.assert_array_equal(data["u"][1, :9, 0], range(-4, 5))
+
+
+def test_resampling(tokid, tmp_path):
+    rng = np.random.default_rng(5)
+    t = np.arange(0, 10.01, 0.05) + np.append(0, rng.uniform(-0.02, 0.02, 200))
+    t = t[(t < 4) | (t > 6)]
+    path = write(tmp_path / "data.csv", "t [s],u,y\n" + "".join(f"{v!r},{2 * v!r},{v * v!r}\n" for v in map(float, t)))
+    assert "resample to even times (option resample)" in tokid("info", path, status=2).stderr
+    data, warnings = read(tokid, tmp_path, path, "--resample", "0.05")
+    u = data["u"][0, :, 0]
+    grid = 0.05 * np.arange(len(u))
+    gap = np.isnan(u)
+    assert gap[81:120].all() and not gap[:79].any() and not gap[122:].any()  # not interpolated across the gap
+    np.testing.assert_allclose(u[~gap], 2 * grid[~gap], rtol=0, atol=1e-12)  # linear data, linear interpolation
+    assert "interpolation correlates the noise of neighbouring steps" in warnings and "gap there is longer" in warnings
+    data, warnings = read(tokid, tmp_path, path, "--resample", "0.5", "--resample-method", "mean")
+    inside = (t >= 0.75) & (t < 1.25)
+    np.testing.assert_allclose(data["y"][0, 2, 0], np.mean(t[inside] ** 2), rtol=1e-12)
+    assert "of the standard deviation of the noise" in warnings
+    data, _ = read(tokid, tmp_path, path, "--resample", "0.5", "--resample-method", "previous")
+    np.testing.assert_array_equal(data["u"][0, 2, 0], 2 * t[t <= 1.0][-1])
+
+
+def test_wide_tables(tokid, tmp_path):
+    channels = 2000
+    names = ["t [s]", "u", *(f"y{c} [m]" for c in range(channels))]
+    text = ";".join(names) + "\n" + "".join(";".join(str(k + c) for c in range(channels + 2)) + "\n" for k in range(3))
+    data, _ = read(tokid, tmp_path, write(tmp_path / "data.csv", text))
+    assert data["y"].shape == (1, 3, channels)
+    assert data["y"][0, 2, -1] == 2 + channels + 1
+
+
+def test_options_of_csv_files_are_refused_for_others(tokid, tmp_path):
+    npz = tmp_path / "data.npz"
+    tokid("example", "oscillator", "-o", npz, "--experiments", "8", "--steps", "20")
+    message = tokid("info", npz, "--trigger", "u1>0", status=2).stderr
+    assert "trigger: only .csv files are read with this option" in message
+    message = tokid("info", npz, npz.parent / "x.csv", status=2).stderr
+    assert "of which each one must be a .csv" in message

@@ -1,0 +1,111 @@
+// Cells, time stamps and dialects of tables, and the order of files.
+// SPDX-License-Identifier: BSD-3-Clause
+#include <gtest/gtest.h>
+
+#include "io/formats/cells.hpp"
+#include "io/formats/data_files.hpp"
+#include "io/formats/dialect.hpp"
+#include "io/formats/time_stamp.hpp"
+
+namespace tokid {
+namespace {
+
+// Seconds from the first stamp to the second one.
+double between(const char* first, const char* second, DateOrder order = DateOrder::automatic) {
+  std::vector<io::Stamp> stamps;
+  for (const char* text : {first, second}) {
+    const auto stamp = io::stamp_from(text);
+    if (!stamp) throw std::runtime_error(text);
+    stamps.push_back(*stamp);
+  }
+  return io::times_of(stamps, {1, 2}, {first, second}, order).seconds[1];
+}
+
+TEST(TimeStamp, FormsOfOneMoment) {
+  for (const char* text :
+       {"2026-11-27T13:12:05.5", "2026-11-27 13:12:05,5", "2026/11/27 13:12:05.500", "20261127T13:12:05.5",
+        "2026-11-27T13:12:05.5Z", "2026-11-27T14:12:05.5+01:00", "2026-11-27T08:12:05.5-0500", "27.11.2026 13:12:05,5",
+        "27.11.26 13:12:05.5", "11/27/2026 1:12:05.5 PM", "27/11/2026 13:12:05.5", "27-Nov-2026 13:12:05.5",
+        "27-NOV-26 13:12:05:500", "27 November 2026 13:12:05.5", "Nov 27, 2026 1:12:05.5 p.m."})
+    EXPECT_DOUBLE_EQ(between("2026-11-27 13:00:00", text), 725.5) << text;
+}
+
+TEST(TimeStamp, TextsThatAreNone) {
+  for (const char* text : {"", "5", "1.5", "-1e-3", "1.2.3", "12:5", "2026-13-01", "31.02.2026", "25:00:00x", "Bad",
+                           "27.11.2026 25:00:00", "1:02.5", "2026-11-27T", "13:12:05 XM", "1-2-3"})
+    EXPECT_FALSE(io::stamp_from(text)) << text;
+}
+
+TEST(TimeStamp, OrderOfDayAndMonth) {
+  EXPECT_EQ(between("03/04/2026", "04/04/2026", DateOrder::day_first), 86400.0);
+  EXPECT_EQ(between("03/04/2026", "04/04/2026", DateOrder::month_first), 31 * 86400.0);
+  EXPECT_EQ(between("12/04/2026", "13/04/2026"), 86400.0);
+  EXPECT_EQ(between("03/04/2026 01:00", "03/04/2026 02:00"), 3600.0);  // one day, whichever it is
+  EXPECT_THROW(between("03/04/2026", "04/04/2026"), IoError);
+  EXPECT_THROW(between("13/04/2026", "04/13/2026"), IoError);
+  EXPECT_THROW(between("13/04/2026", "14/04/2026", DateOrder::month_first), IoError);
+  EXPECT_EQ(between("23:59:59", "0:00:01"), 2.0);  // the next day
+}
+
+TEST(Cells, Numbers) {
+  EXPECT_EQ(io::number_from("+1.5", '.'), 1.5);
+  EXPECT_EQ(io::number_from("-1,5e3", ','), -1500.0);
+  EXPECT_EQ(io::number_from("7", ','), 7.0);
+  for (const char* text : {"1,5", "1.5 V", "", "1 000"}) EXPECT_FALSE(io::number_from(text, '.')) << text;
+  for (const char* text : {"1.5", "1.234,5"}) EXPECT_FALSE(io::number_from(text, ',')) << text;
+}
+
+TEST(Cells, Labels) {
+  const auto check = [](const char* column, const char* name, const char* unit) {
+    const io::Label label = io::label_from(column);
+    EXPECT_EQ(label.name, name) << column;
+    EXPECT_EQ(label.unit, unit) << column;
+  };
+  check("p [bar]", "p", "bar");
+  check("T (degC)", "T", "degC");
+  check("flow(m3/h)", "flow", "m3/h");
+  check("speed [1/min]", "speed", "1/min");
+  check("T [\u00B0C]", "T", "\u00B0C");
+  check("level (tank 1)", "level (tank 1)", "");
+  check("u(1)", "u(1)", "");
+  check("y[2]", "y[2]", "");
+  check("plain", "plain", "");
+}
+
+TEST(Cells, Units) {
+  for (const char* unit :
+       {"bar", "mbar", "m/s", "kg*m/s^2", "m\u00B3/h", "W/(m2)", "1/min", "[x]", "%", "kN m", "rad/s"})
+    EXPECT_TRUE(io::is_unit(unit)) << unit;
+  for (const char* unit : {"", "speed", "tank 1", "bar!", "valve"}) EXPECT_FALSE(io::is_unit(unit)) << unit;
+}
+
+std::deque<io::TableText::Line> lines(const std::vector<std::string>& texts) {
+  std::deque<io::TableText::Line> result;
+  for (const std::string& text : texts) result.push_back({text, Index(result.size()) + 1});
+  return result;
+}
+
+TEST(Dialect, SeparatorsAndHeaders) {
+  const io::Dialect german = io::dialect_of(lines({"Anlage;7", "", "Zeit;u;y", "s;V;bar", "0,0;1,5;2", "0,1;1,5;2"}));
+  EXPECT_EQ(german.separator, ';');
+  EXPECT_EQ(german.header, 2U);
+  EXPECT_TRUE(german.has_units_row);
+  const io::Dialect plain = io::dialect_of(lines({"experiment,time,u,y", "a,0,1,2", "a,1,oops,2", "a,2,1"}));
+  EXPECT_EQ(plain.separator, ',');
+  EXPECT_EQ(plain.header, 0U);
+  EXPECT_FALSE(plain.has_units_row);
+  EXPECT_FALSE(io::dialect_of(lines({"0,1,2", "1,2,3"})).has_header);
+  EXPECT_TRUE(io::dialect_of(lines({"time,1,2", "1,2,3"})).has_header);
+}
+
+TEST(DataFiles, NumbersInNamesAreOrdered) {
+  EXPECT_TRUE(io::is_before("run2.csv", "run10.csv"));
+  EXPECT_TRUE(io::is_before("run02.csv", "run3.csv"));
+  EXPECT_TRUE(io::is_before("a", "b"));
+  EXPECT_FALSE(io::is_before("run10.csv", "run2.csv"));
+  EXPECT_FALSE(io::is_before("run2", "run2"));
+  EXPECT_TRUE(io::is_before("run", "run2"));
+}
+
+}  // namespace
+}  // namespace tokid
