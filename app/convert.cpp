@@ -1,5 +1,7 @@
 // tokid convert: ensembles and models from one format to another.
 // SPDX-License-Identifier: BSD-3-Clause
+#include <optional>
+
 #include "command.hpp"
 #include "common.hpp"
 

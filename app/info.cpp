@@ -9,6 +9,7 @@
 #include "control_rows.hpp"
 #include "io/formats/provenance_text.hpp"
 #include "io/formats/provenance_words.hpp"
+#include "picture.hpp"
 #include "tokid/controller_file.hpp"
 
 namespace tokid::app {
@@ -19,6 +20,7 @@ struct Call {
   std::vector<fs::path> paths;
   fs::path file;  // how reports name the paths
   ReadOptions read{{}, {}, false};
+  fs::path page;  // of the picture
   bool json = false, verbose = false;
 };
 
@@ -105,7 +107,7 @@ std::string report(const Call& call, const Ensemble& e) {
     rows.push_back(
         {label, kind, fmt::format("{}", s.missing), number(s.mean), number(s.std), number(s.min), number(s.max)});
   page.table(rows);
-  return page.text();
+  return page.text() + picture(e, shows_blocks());
 }
 
 // Models
@@ -314,12 +316,14 @@ void show(const Call& call, const Content& content) {
 }
 
 void run(const Call& call) {
+  if (!call.page.empty()) check_output(call.page, Content::page, call.paths);
   if (call.paths.size() == 1) {
     const FileKind kind = file_kind(call.file);
     if (kind == FileKind::model) return show(call, load_model(call.file));
     if (kind == FileKind::controller) return show(call, load_controller(call.file));
   }
   const Ensemble data = load_ensemble(call.paths, call.read);
+  if (!call.page.empty()) save_text(picture_page(data, call.file.string()), call.page);
   show(call, data);
   warn(remarks(data));
 }
@@ -333,6 +337,7 @@ void add_info(CLI::App& tool) {
                "Ensemble, model or controller; or many .csv: files, a folder, a pattern");
   command.columns(call->read);
   command.verbose(call->verbose);
+  command.file("--picture", call->page, "Page to write with drawings of all channels of an ensemble: .html");
   command.flag("--json", call->json, "Print one JSON object");
   command.runs([call] { run(*call); });
 }

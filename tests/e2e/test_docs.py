@@ -27,7 +27,8 @@ def run(tokid, command, folder):
     program = {"tokid": [tokid.executable], "python3": [sys.executable, str(ROOT / words[1])]}[words[0]]
     arguments = words[1:] if words[0] == "tokid" else words[2:]
     result = subprocess.run([*program, *arguments], cwd=folder, stdin=subprocess.DEVNULL, text=True,
-                            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False)
+                            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False,
+                            env={**os.environ, "LC_ALL": "C.UTF-8"})
     return result.returncode, [line.rstrip() for line in result.stdout.splitlines()]
 
 

@@ -262,3 +262,26 @@ def test_options_of_csv_files_are_refused_for_others(tokid, tmp_path):
     assert "trigger: only .csv files are read with this option" in message
     message = tokid("info", npz, npz.parent / "x.csv", status=2).stderr
     assert "of which each one must be a .csv" in message
+
+
+def test_picture(tokid, plant, tmp_path):
+    page = tmp_path / "picture.html"
+    for locale, block in (("C.UTF-8", "\u2588"), ("C", "#")):
+        lines = tokid("info", plant, *COLUMNS, "--picture", page, env={"LC_ALL": locale}).stdout.splitlines()
+        drawn = next(line for line in lines if line.startswith("T [degC]"))
+        assert block in drawn and max(map(len, lines)) <= 100
+        assert any(line.startswith("  missing") for line in lines)
+    text = page.read_text(encoding="utf-8")
+    assert text.count("<svg") == 3 and "batch" not in text.split("<h1>")[0].replace("batches", "")
+
+
+def test_odd_experiments_are_named(tokid, plant, tmp_path):
+    folder = tmp_path / "runs"
+    folder.mkdir()
+    for path in plant.iterdir():
+        (folder / path.name).write_text(path.read_text())
+    lines = (folder / "batch4.csv").read_text().splitlines()
+    hot = [",".join([*line.split(",")[:2], str(30 + 0.01 * k), line.split(",")[3]]) for k, line in enumerate(lines[3:])]
+    write(folder / "batch4.csv", "\n".join(lines[:3] + hot) + "\n")
+    shown = tokid("info", folder, *COLUMNS).stdout
+    assert 'experiment "batch4" (row 3): T [degC] is' in shown
