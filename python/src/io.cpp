@@ -11,18 +11,56 @@ namespace {
 
 using Path = std::filesystem::path;
 
+void bind_read_options(nb::module_& module) {
+  using Options = ReadOptions;
+  nb::class_<Options>(module, "ReadOptions")
+      .def(nb::init<>())
+      .def_rw("inputs", &Options::inputs)
+      .def_rw("outputs", &Options::outputs)
+      .def_rw("outputs_required", &Options::outputs_required)
+      .def_rw("missing", &Options::missing)
+      .def_rw("trigger", &Options::trigger)
+      .def_rw("before", &Options::before)
+      .def_rw("resample", &Options::resample, nb::arg().none())
+      .def_rw("longest_gap", &Options::longest_gap)
+      .def_prop_rw(
+          "dates",
+          [](const Options& o) {
+            return o.dates == DateOrder::day_first     ? "day-first"
+                   : o.dates == DateOrder::month_first ? "month-first"
+                                                       : "";
+          },
+          [](Options& o, const std::string& word) {
+            o.dates = word == "day-first"     ? DateOrder::day_first
+                      : word == "month-first" ? DateOrder::month_first
+                                              : DateOrder::automatic;
+          })
+      .def_prop_rw(
+          "resample_method",
+          [](const Options& o) {
+            return o.resample_method == ResampleMethod::mean       ? "mean"
+                   : o.resample_method == ResampleMethod::previous ? "previous"
+                                                                   : "linear";
+          },
+          [](Options& o, const std::string& word) {
+            o.resample_method = word == "mean"       ? ResampleMethod::mean
+                                : word == "previous" ? ResampleMethod::previous
+                                                     : ResampleMethod::linear;
+          });
+}
+
 }  // namespace
 
 void bind_io(nb::module_& module) {
   module.def("is_model",
              [](const Path& path) { return without_gil([&] { return file_kind(path) == FileKind::model; }); });
+  bind_read_options(module);
   module.def(
       "load_ensemble",
-      [](const Path& path, std::vector<std::string> inputs, std::vector<std::string> outputs, bool outputs_required) {
-        const ReadOptions options{std::move(inputs), std::move(outputs), outputs_required};
-        return without_gil([&] { return load_ensemble(path, options); });
+      [](const std::vector<Path>& paths, const ReadOptions& options) {
+        return without_gil([&] { return load_ensemble(paths, options); });
       },
-      nb::arg("path"), nb::arg("inputs"), nb::arg("outputs"), nb::arg("outputs_required"));
+      nb::arg("paths"), nb::arg("options"));
   module.def(
       "time_unit",
       [](const std::string& column) -> std::optional<std::pair<double, double>> {

@@ -49,7 +49,7 @@ def _is_place(name: str) -> bool:
     return name == "k" or _time_unit(name) is not None or _tokid.is_step_number(name)
 
 
-def _with_index(table: Any, timed: bool) -> Any:
+def with_index(table: Any, timed: bool) -> Any:
     """The table with the experiments and times of its index as columns.
 
     An index of unknown meaning is an error, because it must not be ignored. Without `timed`, the user gave the sample
@@ -90,7 +90,7 @@ class _Table:
     """A table whose columns, including levels of the index, are found by their names."""
 
     def __init__(self, table: Any, timed: bool) -> None:
-        table = _with_index(table, timed)
+        table = with_index(table, timed)
         self._table = table
         self.names = [str(label) for label in table.columns]
         self.rows = len(table)

@@ -3,12 +3,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+import os
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any, Optional, Union
 
 import numpy as np
 
-from . import _arrays, _dataframe, _dataset, _options, _samples, _tokid
+from . import _arrays, _dataframe, _dataset, _options, _recordings, _samples, _tokid
 from ._channels import Channels
 from ._errors import reading, warn, writing
 from ._held import Held
@@ -148,22 +150,46 @@ class Ensemble(Channels):
     @classmethod
     def load(
         cls,
-        path: PathLike,
+        path: Union[PathLike, Sequence[PathLike]],
         *,
         inputs: Sequence[str] = (),
         outputs: Sequence[str] = (),
         outputs_required: bool = False,
+        missing: Sequence[str] = (),
+        dates: Optional[str] = None,
+        trigger: Optional[str] = None,
+        before: int = 0,
+        resample: Optional[float] = None,
+        resample_method: str = "linear",
+        longest_gap: int = 3,
     ) -> Self:
-        """Read an ensemble from .npz, .h5, .mat or .csv.
+        """Read an ensemble from .npz, .h5, .mat or .csv, or from many .csv files with an experiment each.
 
         Parameters
         ----------
-        path : path
-            The file; its extension determines the format.
+        path : path, or sequence of paths
+            The file; its extension determines the format. A folder is all .csv files in it, a pattern such as
+            ``"runs/*.csv"`` all files that match. The files are sorted by name, run2 before run10, and name the
+            experiments.
         inputs, outputs : sequence of str, optional
             Columns of a .csv that are inputs and outputs; by default those whose names begin with u and y.
         outputs_required : bool, default False
             Refuse a file without outputs.
+        missing : sequence of str, optional
+            Words in a .csv that stand for a missing sample, besides Bad, ---, NaN, null and others.
+        dates : {"day-first", "month-first"}, optional
+            Order of the numbers in dates of a .csv such as 03/04/2026; by default as the dates of the column show.
+        trigger : str, optional
+            A condition such as ``"valve > 0.5"`` on a column of a .csv. The first sample at which it holds becomes
+            step 0 of its experiment.
+        before : int, default 0
+            Steps that are kept before the trigger.
+        resample : float, optional
+            Sample time [s] of a common grid on which the samples of a .csv are brought.
+        resample_method : {"linear", "previous", "mean"}
+            By interpolation, as the last sample, or as the mean of the samples within half a step.
+        longest_gap : int, default 3
+            Steps of the longest gap that resampling fills. Longer gaps are missing samples.
 
         Raises
         ------
@@ -177,8 +203,22 @@ class Ensemble(Channels):
             successive steps; if the last line may be incomplete; if a .csv has changed since tokid wrote it; if axes
             look swapped.
         """
-        with reading(path) as file:
-            core = _tokid.load_ensemble(file, list(inputs), list(outputs), bool(outputs_required))
+        options = _recordings.read_options(
+            inputs=inputs,
+            outputs=outputs,
+            outputs_required=outputs_required,
+            missing=missing,
+            dates=dates,
+            trigger=trigger,
+            before=before,
+            resample=resample,
+            resample_method=resample_method,
+            longest_gap=longest_gap,
+        )
+        paths = [path] if isinstance(path, (str, bytes, os.PathLike)) else list(path)
+        with ExitStack() as stack:
+            files = [stack.enter_context(reading(one)) for one in paths]
+            core = _tokid.load_ensemble(files, options)
         return cls._with_warnings(core)
 
     def save(self, path: PathLike, *, mat73: bool = False) -> None:
@@ -328,7 +368,7 @@ class Ensemble(Channels):
     @classmethod
     def from_dataframe(
         cls,
-        data: pandas.DataFrame,
+        data: Union[pandas.DataFrame, Mapping[Any, pandas.DataFrame], Sequence[pandas.DataFrame]],
         *,
         inputs: Optional[Sequence[Any]] = None,
         outputs: Optional[Sequence[Any]] = None,
@@ -339,8 +379,9 @@ class Ensemble(Channels):
         input_units: Optional[Sequence[str]] = None,
         output_units: Optional[Sequence[str]] = None,
         outputs_required: bool = False,
+        **recorded: Any,
     ) -> Self:
-        """Make an ensemble from a tidy `pandas.DataFrame`, by the rules of .csv files.
+        """Make an ensemble from a tidy `pandas.DataFrame`, or from several, by the rules of .csv files.
 
         Parameters
         ----------
@@ -355,6 +396,9 @@ class Ensemble(Channels):
             Without both, the rows of an experiment are its steps. As in .csv files, the time may have other names, such
             as ``t [s]`` or ``time_ms``. The columns may be levels of the index. An index of dates, of time differences,
             or of floats without a name is ``time``.
+
+            A dict or a list of tables has an experiment in each of them, as a folder of .csv files has. The keys of the
+            dict name the experiments.
         inputs, outputs : sequence, optional
             Columns that are inputs and outputs; by default all columns whose names begin with u and y, such as ``uid``
             and ``year``.
@@ -364,6 +408,9 @@ class Ensemble(Channels):
             As in the constructor.
         outputs_required : bool, default False
             Reject a table without outputs.
+        **recorded
+            The options ``missing``, ``dates``, ``trigger``, ``before``, ``resample``, ``resample_method`` and
+            ``longest_gap`` of `load`.
 
         Returns
         -------
@@ -380,6 +427,23 @@ class Ensemble(Channels):
         `to_dataframe` stores in ``data.attrs["tokid"]`` what a table has no place for: dt, names, units, lengths and
         initial states. This method uses these values if they still agree with the rows and columns.
         """
+        if recorded or _recordings.is_several(data):
+            if dt is not None:
+                raise ValueError("dt: a sample time found, but these tables have their own times; leave it out")
+            options = _recordings.read_options(
+                inputs=inputs, outputs=outputs, outputs_required=outputs_required, **recorded
+            )
+            return cls._with_warnings(
+                _recordings.load(
+                    data,
+                    options,
+                    length=length,
+                    free_y=free_y,
+                    initial_state=initial_state,
+                    input_units=input_units,
+                    output_units=output_units,
+                )
+            )
         core = _dataframe.from_dataframe(
             data,
             inputs=inputs,
@@ -409,8 +473,11 @@ class Ensemble(Channels):
         output_units: Optional[Sequence[str]] = None,
         experiment_names: Optional[Iterable[Any]] = None,
         outputs_required: bool = False,
+        inputs: Optional[Sequence[Any]] = None,
+        outputs: Optional[Sequence[Any]] = None,
+        **recorded: Any,
     ) -> Self:
-        """Make an ensemble from an `xarray.Dataset` with the names that `to_xarray` uses.
+        """Make an ensemble from an `xarray.Dataset` with the names that `to_xarray` uses, or from recorded variables.
 
         Parameters
         ----------
@@ -422,12 +489,21 @@ class Ensemble(Channels):
             The coordinate ``time`` (numbers [s], dates or time differences), else ``k`` (whole numbers), determines the
             steps. Steps without an entry are missing samples. The other values are taken from where `to_xarray` stores
             them: names of experiments and channels, units, lengths, free responses and initial states.
+
+            A dataset with a variable for each channel, whose names are in `inputs` and `outputs`, is read like a .csv
+            with a column for each variable and each coordinate. So is a dict or a list of datasets, with an experiment
+            in each.
         dt : float, optional
             Sample time [s]; by default the spacing of ``time``, else the attribute dt, else 1.
         length, free_y, initial_state, input_names, output_names, input_units, output_units, experiment_names
             As in the constructor. They replace the values of the dataset.
         outputs_required : bool, default False
             Reject a dataset without outputs.
+        inputs, outputs : sequence, optional
+            Variables that are inputs and outputs, where each channel is a variable.
+        **recorded
+            The options ``missing``, ``dates``, ``trigger``, ``before``, ``resample``, ``resample_method`` and
+            ``longest_gap`` of `load`, where each channel is a variable.
 
         Returns
         -------
@@ -440,6 +516,26 @@ class Ensemble(Channels):
         ValueError
             If the dataset is wrong. The message names the variable or coordinate.
         """
+        if recorded or inputs or outputs or _recordings.is_several(data):
+            if dt is not None:
+                raise ValueError("dt: a sample time found, but recorded variables have their own times; leave it out")
+            options = _recordings.read_options(
+                inputs=inputs, outputs=outputs, outputs_required=outputs_required, **recorded
+            )
+            return cls._with_warnings(
+                _recordings.load(
+                    data,
+                    options,
+                    length=length,
+                    free_y=free_y,
+                    initial_state=initial_state,
+                    input_names=input_names,
+                    output_names=output_names,
+                    input_units=input_units,
+                    output_units=output_units,
+                    experiment_names=experiment_names,
+                )
+            )
         core = _dataset.from_xarray(
             data,
             dt=dt,

@@ -3,8 +3,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
-from typing import Union
+from typing import Any, Union
 
 from . import _tokid
 from ._ensemble import Ensemble
@@ -13,25 +14,36 @@ from ._model import Model
 from ._typing import PathLike
 
 
-def load(path: PathLike, *, inputs: Sequence[str] = (), outputs: Sequence[str] = ()) -> Union[Ensemble, Model]:
+def load(
+    path: Union[PathLike, Sequence[PathLike]],
+    *,
+    inputs: Sequence[str] = (),
+    outputs: Sequence[str] = (),
+    **recorded: Any,
+) -> Union[Ensemble, Model]:
     """Read an ensemble or a model, depending on the content of the file.
 
     `Ensemble.load` and `Model.load` read one kind of file.
 
     Parameters
     ----------
-    path : path
-        A .npz, .h5 or .mat, or a .csv with an ensemble.
+    path : path, or sequence of paths
+        A .npz, .h5 or .mat, or a .csv with an ensemble. A folder, a pattern such as ``"runs/*.csv"`` and a list of .csv
+        files are an ensemble with an experiment in each file.
     inputs, outputs : sequence of str, optional
         Columns of a .csv that are inputs and outputs; by default those whose names begin with u and y.
+    **recorded
+        The options of `Ensemble.load` about .csv files: ``missing``, ``dates``, ``trigger``, ``before``, ``resample``,
+        ``resample_method`` and ``longest_gap``.
 
     Raises
     ------
     IoError
         If the file can't be read or contains neither. It is an OSError, and a FileNotFoundError for a missing file.
     """
-    with reading(path) as file:
-        is_model = _tokid.is_model(file)
-    if is_model:
-        return Model.load(path)
-    return Ensemble.load(path, inputs=inputs, outputs=outputs)
+    if isinstance(path, (str, bytes, os.PathLike)):
+        with reading(path) as file:
+            is_model = _tokid.is_model(file)
+        if is_model:
+            return Model.load(path)
+    return Ensemble.load(path, inputs=inputs, outputs=outputs, **recorded)

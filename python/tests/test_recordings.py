@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Data as they were recorded: many files, tables of pandas and datasets of xarray with an experiment each."""
+
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+
+import tokid
+
+pytestmark = pytest.mark.filterwarnings("ignore::tokid.TokidWarning")
+
+T = np.arange(12) * 0.1
+CHANNELS = {"inputs": ["valve [%]"], "outputs": ["T"]}
+
+
+def table(start, rows=12):
+    """A table with time stamps; the valve opens at a step."""
+    return pd.DataFrame(
+        {
+            "when": pd.Timestamp("2026-11-27 13:12:05") + pd.to_timedelta(T[:rows], unit="s"),
+            "valve [%]": np.where(np.arange(rows) < start, 0.0, 60.0),
+            "T [degC]": 20 + np.arange(rows) - start,
+        }
+    )
+
+
+RUNS = {"run10": table(3), "run9": table(5, 10)}
+
+
+def test_files_folders_and_patterns(tmp_path):
+    for name, run in RUNS.items():
+        run.to_csv(tmp_path / f"{name}.csv", index=False)
+    folder = tokid.load(tmp_path, **CHANNELS)
+    assert isinstance(folder, tokid.Ensemble)
+    assert folder.experiment_names == ["run9", "run10"] and folder.dt == 0.1
+    assert folder.input_units == ["%"] and list(folder.length) == [10, 12]
+    for paths in (str(tmp_path / "run*.csv"), [tmp_path / "run10.csv", tmp_path / "run9.csv"]):
+        assert tokid.load(paths, **CHANNELS).fingerprint == folder.fingerprint
+    with pytest.raises(tokid.IoError, match="no file matches this pattern"):
+        tokid.load(tmp_path / "*.txt")
+    with pytest.raises(FileNotFoundError):
+        tokid.Ensemble.load([tmp_path / "run9.csv", tmp_path / "run8.csv"])
+
+
+def test_a_dict_and_a_list_of_tables(tmp_path):
+    data = tokid.Ensemble.from_dataframe(RUNS, **CHANNELS)
+    assert data.experiment_names == ["run10", "run9"] and data.dt == 0.1
+    np.testing.assert_array_equal(data.y[1, :10, 0], RUNS["run9"]["T [degC]"])
+    assert np.isnan(data.y[1, 10:]).all()
+    listed = tokid.Ensemble.from_dataframe(list(RUNS.values()), **CHANNELS, initial_state="zero")
+    assert listed.fingerprint == data.fingerprint and listed.initial_state == "zero"
+    assert list(listed.length) == [12, 10]
+
+
+def test_trigger_and_resampling_of_tables():
+    aligned = tokid.Ensemble.from_dataframe(RUNS, **CHANNELS, trigger="valve > 50", before=2)
+    np.testing.assert_array_equal(aligned.y[:, :7, 0], [np.arange(18.0, 25.0)] * 2)
+    # One long table with the experiments in a column.
+    long = pd.concat([run.assign(experiment=name) for name, run in RUNS.items()])
+    same = tokid.Ensemble.from_dataframe(long, **CHANNELS, trigger="valve > 50", before=2)
+    np.testing.assert_array_equal(same.y, aligned.y)
+    assert same.experiment_names == aligned.experiment_names
+    with pytest.warns(tokid.TokidWarning, match="resampled from about 0.1 s to 0.05 s by the method linear"):
+        fine = tokid.Ensemble.from_dataframe(RUNS, **CHANNELS, resample=0.05)
+    assert fine.dt == 0.05
+    np.testing.assert_allclose(fine.y[0, :, 0], 17 + np.arange(23) / 2, rtol=0, atol=1e-12)
+
+
+def test_words_and_times_in_tables():
+    run = table(3).astype({"T [degC]": object})
+    run.loc[4, "T [degC]"] = "I/O Timeout"
+    run.loc[5, "T [degC]"] = "away"
+    with pytest.raises(ValueError, match=r"table a: line 7, column 'T \[degC\]': 'away' found, a number needed"):
+        tokid.Ensemble.from_dataframe({"a": run}, **CHANNELS)
+    data = tokid.Ensemble.from_dataframe({"a": run}, **CHANNELS, missing=["away"])
+    assert np.isnan(data.y[0, 4:6, 0]).all() and not np.isnan(data.y[0, 6:, 0]).any()
+    indexed = table(3).set_index("when")
+    assert tokid.Ensemble.from_dataframe([indexed, indexed], **CHANNELS).dt == 0.1
+    elapsed = indexed.set_axis(indexed.index - indexed.index[0])
+    assert tokid.Ensemble.from_dataframe([elapsed], **CHANNELS).fingerprint == \
+        tokid.Ensemble.from_dataframe([table(3)], **CHANNELS).fingerprint
+
+
+def test_datasets():
+    raw = xr.Dataset({"valve": ("time", np.arange(12.0)), "T": ("time", 20 + T)}, {"time": T})
+    data = tokid.Ensemble.from_xarray({"a": raw, "b": raw.isel(time=slice(8))}, inputs=["valve"], outputs=["T"])
+    assert data.experiment_names == ["a", "b"] and list(data.length) == [12, 8] and data.dt == 0.1
+    np.testing.assert_array_equal(data.y[0, :, 0], 20 + T)
+    runs = xr.concat([raw, raw + 1], dim=pd.Index(["a", "b"], name="experiment"))
+    both = tokid.Ensemble.from_xarray(runs, inputs=["valve"], outputs=["T"], trigger="valve >= 2")
+    np.testing.assert_array_equal(both.u[:, :10, 0], [np.arange(2.0, 12.0)] * 2)
+
+
+@pytest.mark.parametrize(
+    "options, text",
+    [
+        ({"dates": "iso"}, "dates: 'iso' found, 'day-first' or 'month-first' needed"),
+        ({"resample_method": "cubic"}, "resample_method: 'cubic' found, one of linear, previous, mean needed"),
+        ({"trigger": "valve"}, "trigger: 'valve' found, a column, one of > >= < <= == != and a number needed"),
+        ({"before": 2}, "before: no trigger found"),
+        ({"resample": -1.0}, "resample: "),
+        ({"longest_gap": 0}, "longest_gap: "),
+        ({"missing": "Bad"}, "missing: 'Bad' found, a list of texts needed"),
+        ({"dt": 0.1, "resample": 0.1}, "dt: a sample time found"),
+    ],
+)
+def test_wrong_options(options, text):
+    with pytest.raises(ValueError, match=text):
+        tokid.Ensemble.from_dataframe(RUNS, **CHANNELS, **options)
