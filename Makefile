@@ -16,6 +16,7 @@ fuzz_packages  := $(build_packages) clang-16 libclang-rt-16-dev python3
 tidy_packages  := $(test_packages) libbenchmark-dev libopenblas-serial-dev cppcheck
 package_packages := $(build_packages) dpkg-dev file help2man python3
 release_packages := $(package_packages) debootstrap lintian python3-venv
+docs_packages := $(build_packages) doxygen python3 python3-dev python3-venv
 portability_packages := debootstrap git python3 python3-numpy python3-h5py
 
 # $(call install,PACKAGES) installs those that are missing; where there is no dpkg, they are the user's business.
@@ -37,11 +38,13 @@ configure = cmake --log-level=WARNING $(if $(TOKID_WARNINGS_AS_ERRORS),-DTOKID_W
 # Debian's own, which has the packages above; another one may come first on the path.
 python := $(firstword $(wildcard /usr/bin/python3) python3)
 
-.PHONY: help build demo test wheel wheels wheel-test package release release-test portability bench studies zoo sbom install-test asan tsan valgrind coverage fuzz tidy format clean
+.PHONY: help build demo test docs gallery wheel wheels wheel-test package release release-test portability bench studies zoo sbom install-test asan tsan valgrind coverage fuzz tidy format clean
 
 help:
 	@echo 'make demo          the tool, then the main job on the example of the paper (files in build/demo)'
 	@echo 'make test          build with the tests and run all of them'
+	@echo 'make docs          the site: documents, references, gallery (build/docs/html/index.html)'
+	@echo 'make gallery       runs the examples of EXAMPLES, all unless told otherwise, for the outputs that the gallery shows'
 	@echo 'make wheel         the Python package for this Python as a wheel for any Linux with glibc 2.28 (build/wheel)'
 	@echo 'make wheels        those of all Pythons from 3.9 on, for x86_64 and aarch64; for half an hour'
 	@echo 'make wheel-test    installs them on Debian 11 and 13, for arm64 in QEMU; as root, for some minutes'
@@ -80,6 +83,24 @@ test:
 	@$(configure) test >/dev/null
 	@cmake --build build --target all tests_environment
 	@$(python) tests/run.py build
+
+# The package and the tool, and the environment of the site, which needs no network from then on.
+define site_environment
+@$(configure) release -DTOKID_BUILD_PYTHON=ON >/dev/null
+@cmake --build build --target tokid_tool _tokid
+@$(python) tests/set_up.py build/docs-venv python/requirements-test.txt docs/requirements.txt
+endef
+
+docs:
+	$(call install,$(docs_packages))
+	$(site_environment)
+	@build/docs-venv/bin/python docs/site/build.py build/docs
+
+# TOKID_DATA: folder with measured data, as the examples on them tell
+gallery:
+	$(call install,$(docs_packages))
+	$(site_environment)
+	@PYTHONPATH=build/python build/docs-venv/bin/python examples/python/notebooks.py --run $(EXAMPLES)
 
 wheel:
 	$(call install,$(wheel_packages))

@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The site (make docs) shows everything that is public, and its checks find what they are for."""
+
+import ast
+import importlib
+import sys
+
+import pytest
+from conftest import ROOT
+
+SITE = ROOT / "docs" / "site"
+
+
+@pytest.fixture
+def module(monkeypatch):
+    """Imports a module of docs/site."""
+    monkeypatch.syspath_prepend(str(SITE))
+    names = ("build", "check", "doxygen_filter", "headers", "rooms")
+    for name in names:
+        monkeypatch.delitem(sys.modules, name, raising=False)
+    yield importlib.import_module
+    for name in names:
+        sys.modules.pop(name, None)
+
+
+def once(names):
+    assert len(names) == len(set(names))
+    return set(names)
+
+
+def test_each_header_has_its_place(module):
+    placed = once([name for _, names in module("rooms").CPP.values() for name in names])
+    assert placed == {path.stem for path in (ROOT / "include" / "tokid").glob("*.hpp")}
+
+
+def test_each_python_name_has_its_place(module):
+    placed = once([name for _, _, names in module("rooms").PYTHON.values() for name in names])
+    tree = ast.parse((ROOT / "python" / "tokid" / "__init__.py").read_text(encoding="utf-8"))
+    values = {node.targets[0].id: node.value for node in tree.body if isinstance(node, ast.Assign)}
+    public = set(ast.literal_eval(values["__all__"])) | set(ast.literal_eval(values["_LATER"]))
+    assert placed == {f"tokid.{name}" for name in public - {"__version__"}}
+
+
+def test_each_example_is_in_the_gallery(module):
+    shown = once(module("rooms").EXAMPLES)
+    assert shown == {path.stem for path in (ROOT / "examples" / "python").glob("*.ipynb")}
+
+
+def test_equations_and_links_of_a_document(module, tmp_path):
+    build = module("build")
+    pages = build.Documents(build.Source(tmp_path))
+    text = ("See [the paper](math.md#notation), [a script](../examples/python/modes.py), [a file](../tests/oracle.cpp).\n"
+            "```math\nx_k\n```\n```python\nf([a](b))\n```\n")
+    assert pages.converted(text, ROOT / "docs" / "page.md", "page.md") == (
+        "See [the paper](math.md#notation), [a script](gallery/modes.ipynb), [a file](files/tests/oracle.cpp.md).\n"
+        "$$\nx_k\n$$\n```python\nf([a](b))\n```\n")
+    assert pages.shown == {ROOT / "tests" / "oracle.cpp"}
+    with pytest.raises(SystemExit, match=r"docs/page\.md: the link nowhere\.md leads nowhere"):
+        pages.converted("[a](nowhere.md)", ROOT / "docs" / "page.md", "page.md")
+
+
+def test_comments_of_headers_for_doxygen(module):
+    lines = ["// What the file is.", "// SPDX-License-Identifier: BSD-3-Clause", "#pragma once", "// Sums 50 % <of> all.",
+             "// \\throws IoError", "int f();", "double g = 1.0;  // [s]", 'const char* h = "//";']
+    assert "\n".join(module("doxygen_filter").filtered(lines)).split("\n") == [
+        "//! \\file", "//! What the file is.", "", "#pragma once", "/// Sums 50 \\% \\<of\\> all.", "/// Throws IoError",
+        "int f();", "double g = 1.0;  ///< [s]", 'const char* h = "//";']
+
+
+def test_the_check_finds_wrong_links_and_other_hosts(module, tmp_path):
+    (tmp_path / "a.html").write_text('<a href="b.html#there"></a><a href="https://example.org"></a><img src="a.png">',
+                                     encoding="utf-8")
+    (tmp_path / "b.html").write_text('<p id="there"></p>', encoding="utf-8")
+    (tmp_path / "a.png").write_bytes(b"")
+    problems = module("check").problems
+    assert problems(tmp_path) == []
+    (tmp_path / "b.html").write_text('<a href="c.html"></a><a href="a.html#x"></a><script src="https://example.org/x.js">'
+                                     "</script>", encoding="utf-8")
+    (tmp_path / "a.css").write_text("@font-face { src: url(https://example.org/f.woff) }", encoding="utf-8")
+    assert [text.split()[-1] for text in problems(tmp_path)] == ["have.", "nowhere.", "have.", "host.", "host."]
