@@ -26,7 +26,8 @@ PAGES = {
 }
 
 # The gallery: examples of examples/python in their order, measured data first
-EXAMPLES = ["pendubot", "mujoco_swing_up", "mujoco_crane", "paper_example", "modes", "own_regression"]
+EXAMPLES = ["pendubot", "robot_arm", "cd_player", "mujoco_swing_up", "mujoco_crane", "plan", "learning", "modes",
+            "paper_example", "own_regression"]
 
 # Python: page → (title, sentence, names)
 PYTHON = {

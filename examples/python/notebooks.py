@@ -75,6 +75,7 @@ def execute(content):
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "matplotlibrc").write_text("figure.dpi: 110\nfont.family: DejaVu Sans\n", encoding="utf-8")
         os.environ["MATPLOTLIBRC"] = folder
+        os.environ.pop("MPLBACKEND", None)  # the kernel's own, which keeps pictures
         made = nbformat.reads(json.dumps(content), as_version=4)  # which joins lines
         NotebookClient(made, timeout=1200, kernel_name="python3", resources={"metadata": {"path": folder}}).execute()
     for cell, run in zip(code(content), code(made)):

@@ -15,7 +15,8 @@ from matplotlib import pyplot
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "examples" / "python"
-NAMES = ["modes", "mujoco_crane", "mujoco_swing_up", "own_regression", "paper_example", "pendubot"]
+NAMES = ["cd_player", "learning", "modes", "mujoco_crane", "mujoco_swing_up", "own_regression", "paper_example", "pendubot",
+         "plan", "robot_arm"]
 
 
 @pytest.fixture
@@ -96,12 +97,18 @@ def test_modes(notebook):
     assert found["held"].min() > 0.6
 
 
-def test_pendubot(notebook, monkeypatch):
+@pytest.fixture
+def on_measured_data(notebook, monkeypatch):
+    """Runs a notebook on measured data."""
     data = Path(os.environ.get("TOKID_DATA") or ROOT.parent / "shared" / "data")
-    if not (data / "pendubot" / "pendubot.npz").exists():
+    if not data.exists():
         pytest.skip(f"{data} is absent: the measured data are no part of the project")
     monkeypatch.setenv("TOKID_DATA", str(data))
-    found = notebook("pendubot")
+    return notebook
+
+
+def test_pendubot(on_measured_data):
+    found = on_measured_data("pendubot")
     assert found["model"].identification.nominal and len(found["training"]) == 7
     fits = found["fits"]
     # An ARX model varying in time has 96.8, 81.5, 60.5 and 33.5 in the mean of 15 splits (docs/how-to/robot.md).
@@ -109,10 +116,37 @@ def test_pendubot(notebook, monkeypatch):
     assert np.all(np.diff(fits, axis=0) < 0)
 
 
-def test_pendubot_names_absent_data(notebook, tmp_path, monkeypatch):
+@pytest.mark.parametrize("name", ["pendubot", "robot_arm", "cd_player"])
+def test_absent_data_are_named(notebook, name, tmp_path, monkeypatch):
     monkeypatch.setenv("TOKID_DATA", str(tmp_path / "nowhere"))
     with pytest.raises(SystemExit, match="nowhere"):
-        notebook("pendubot")
+        notebook(name)
+
+
+def test_robot_arm(on_measured_data):
+    fits = on_measured_data("robot_arm")["fits"]
+    # n4sid has 95.8 % and 98.6 %. Simulations of two resonances at the limit of stability differ by a point or two.
+    assert fits["simulation"] > 95.8 - 2 and fits["one step ahead"] > 98.6
+
+
+def test_cd_player(on_measured_data):
+    simulation, _, one_step = on_measured_data("cd_player")["table"][8]
+    # n4sid with eight states has no better fit in any column.
+    assert np.all(simulation > [57.9 - 0.5, 77.0]) and np.all(one_step > [81.8, 80.6])
+
+
+def test_plan(notebook):
+    errors = notebook("plan")["errors"]
+    # With a quarter of the planned experiments, the error is a few times larger; with twice as many, by √2 or more smaller.
+    assert errors["planned inputs"][1] < 0.5 * errors["planned inputs"][0]
+    assert errors["planned inputs"][2] < 0.8 * errors["planned inputs"][1]
+    assert np.all(np.array(errors["step tests"]) > 10 * np.array(errors["planned inputs"]))
+
+
+def test_learning(notebook):
+    errors = notebook("learning")["errors"]
+    # The noise of the sensor, 0.02 K, remains; inputs that follow the noise of the last run add as much again at most.
+    assert errors[0] > 5 and 0.015 < min(errors[2:]) and max(errors[2:]) < 2 * 0.02
 
 
 def test_mujoco_crane(notebook, capsys):
