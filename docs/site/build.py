@@ -199,7 +199,7 @@ def front(source, pages):
              card("Gallery", "gallery/index", "Executed examples with pictures, measured data first.")]
     cards += [card(title, f"{folder}/index", sentence) for folder, (title, sentence, _) in rooms.SECTIONS.items()]
     text = pages.converted(first_screen(), ROOT / "README.md", "index.md")
-    tree = toctree(["tutorial", "gallery/index", *(f"{folder}/index" for folder in rooms.SECTIONS), *rest], ":hidden:")
+    tree = toctree(["Tutorial <tutorial>", "gallery/index", *(f"{folder}/index" for folder in rooms.SECTIONS), *rest], ":hidden:")
     source.write("index.md", "\n".join([text, "", "## Where to go", "", grid(cards), tree]))
 
 
