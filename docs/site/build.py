@@ -382,6 +382,11 @@ def main():
     front(source, pages)
     pages.show_files()
     source.forget_the_rest()
+    for page in (out / "html").rglob("*.html"):  # Sphinx leaves pages that have no source any more
+        name = page.relative_to(out / "html").with_suffix("")
+        made = str(name) in ("genindex", "py-modindex", "search") or name.parts[0].startswith("_")
+        if not made and not any((source.folder / name).parent.glob(f"{name.name}.*")):
+            page.unlink()
     version = re.search(r"project\(\s*tokid\s+VERSION\s+([\d.]+)", (ROOT / "CMakeLists.txt").read_text())[1]
     environment = {**os.environ, "PYTHONPATH": str(arguments.package.resolve()), "MPLBACKEND": "agg",
                    "TOKID_DOCS_VERSION": version, "TOKID_DOCS_MATHJAX": str(mathjax(out / "mathjax"))}

@@ -107,8 +107,11 @@ def field_names(name):
 
 
 def plain_docstring(app, what, name, thing, options, lines):
-    """Bars are no substitutions, and the first words of a description are no type."""
-    lines[:] = [line.replace("|", "\\|") for line in lines]
+    """Names of documents become links, bars are no substitutions, and the first words of a description are no type."""
+    def link(match):
+        return f":doc:`/{match[1]}`" if (app.srcdir / f"{match[1]}.md").exists() else match[0]
+
+    lines[:] = [re.sub(r"`?docs/([\w/-]+)\.md`?", link, line.replace("|", "\\|")) for line in lines]
     if what in ("attribute", "data", "property") and lines and ": " in lines[0]:
         before, _, after = lines[0].partition(": ")
         lines[:1] = [f"{before}:", after]

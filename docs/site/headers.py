@@ -5,6 +5,7 @@ import re
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
+DOCS = Path(__file__).resolve().parents[1]
 DIRECTIVES = {"class": "class", "struct": "struct", "function": "function", "variable": "member", "typedef": "type",
               "enum": "enum-class"}
 
@@ -15,14 +16,23 @@ def words(element):
 
 
 def described(element):
-    """Paragraphs of the brief and the detailed description, with the marks of reStructuredText made plain."""
+    """Paragraphs of the brief and the detailed description, with the marks of reStructuredText made plain.
+
+    Names of documents become links.
+    """
     blocks = []
     for para in (para for kind in ("briefdescription", "detaileddescription") for para in element.findall(f"{kind}/para")):
         lists = para.findall("itemizedlist")
         for one in lists:
             para.remove(one)
         blocks += [("", words(para))] + [("- ", words(item)) for one in lists for item in one.findall("listitem")]
-    return [start + re.sub(r"([\\*`|_])", r"\\\1", text) for start, text in blocks if text]
+    plain = [start + re.sub(r"([\\*`|_])", r"\\\1", text) for start, text in blocks if text]
+    return [re.sub(r"docs/([\w/-]+)\.md", linked, text) for text in plain]
+
+
+def linked(name):
+    """A link to a document, if it is there."""
+    return f":doc:`/{name[1]}`" if (DOCS / f"{name[1]}.md").exists() else name[0]
 
 
 def line_of(element):
