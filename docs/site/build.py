@@ -29,6 +29,7 @@ ROOT = SITE.parents[1]
 DOCS = ROOT / "docs"
 FENCE = re.compile(r"^\s*(```+|~~~+)\s*(\S*)")
 LINK = re.compile(r"(?<!\\)(\]\()([^)\s]+)(\))")
+NAMED = re.compile(r"\[(?:\.\./)*[\w/-]+\.md\]\((?!http)")  # the page is named by its file; the site shows its title
 TEXTS = {".py": "python", ".cpp": "cpp", ".hpp": "cpp", ".m": "matlab", ".sh": "sh", ".txt": "text", ".md": "markdown",
          ".toml": "toml", ".json": "json", ".cff": "yaml", "": "text"}
 
@@ -98,6 +99,7 @@ class Documents:
                 line = line.replace(fence, "$$") if kind == "math" else line
                 fence = ""
             elif not fence:
+                line = NAMED.sub("[](", line)
                 line = LINK.sub(lambda link: link[1] + self.target(link[2], path, name) + link[3], line)
             lines.append(line)
         return "\n".join(lines)
@@ -247,16 +249,40 @@ def heading(text, mark="="):
     return f"{text}\n{mark * len(text)}\n"
 
 
+def definitions(text):
+    """The help of a command: its options as a list of terms and descriptions, usage and example as they are."""
+    parts = []
+    for block in text.split("\n\n"):
+        title, *lines = block.split("\n")
+        if title in ("Arguments:", "Options:", "Commands:"):
+            parts.append(f"**{title}**\n")
+            for line in lines:
+                term, _, description = line.strip().partition("  ")
+                if line.startswith("   ") and description == "":  # goes on with the description
+                    parts[-1] = parts[-1].rstrip("\n") + (" " if "\n: " in parts[-1] else "\n: ") + f"{prose(term)}\n"
+                else:
+                    parts.append(f"`{term}`\n" + (f": {prose(description.strip())}\n" if description else ""))
+        elif title.startswith(("Usage:", "Example")):
+            parts.append(f"```text\n{block}\n```\n")
+        else:
+            parts.append(prose(block) + "\n")
+    return "\n".join(parts)
+
+
+def prose(text):
+    """Text of which Markdown makes nothing else."""
+    return re.sub(r"([\\`*_{}\[\]<>#|$~])", r"\\\1", text)
+
+
 def commands(source, tool):
     """The help of every command."""
     def run(*arguments):
-        return subprocess.run([tool, *arguments], check=True, capture_output=True, text=True,
-                              env={**os.environ, "COLUMNS": "100"}).stdout.rstrip()
+        return subprocess.run([tool, *arguments], check=True, capture_output=True, text=True).stdout.rstrip()
 
     whole = run("--help")
     names = re.findall(r"^  (\w[\w-]*) {2,}\S", whole[whole.index("Commands:"):], re.MULTILINE)
-    parts = ["# Commands\n", "What `tokid --help` and `tokid COMMAND --help` print.\n", f"```text\n{whole}\n```\n"]
-    parts += [f"## tokid {name}\n\n```text\n{run(name, '--help')}\n```\n" for name in names]
+    parts = ["# Commands\n", "What `tokid --help` and `tokid COMMAND --help` print.\n", definitions(whole)]
+    parts += [f"## tokid {name}\n\n{definitions(run(name, '--help'))}" for name in names]
     source.write("reference/commands.md", "\n".join(parts))
 
 

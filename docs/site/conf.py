@@ -5,7 +5,7 @@ import os
 import re
 from importlib import import_module
 
-from docutils.nodes import Text
+from docutils.nodes import emphasis
 from sphinx.addnodes import pending_xref
 from sphinx.util.nodes import make_refnode
 
@@ -28,7 +28,7 @@ nitpick_ignore_regex = [
 ]
 
 # ---- Markdown ----
-myst_enable_extensions = ["dollarmath", "amsmath", "colon_fence"]
+myst_enable_extensions = ["dollarmath", "amsmath", "colon_fence", "deflist"]
 myst_dmath_double_inline = True
 myst_heading_anchors = 6
 nb_execution_mode = "off"  # the outputs are in the notebooks
@@ -84,7 +84,7 @@ def words_stay_words(app, doctree):
     """Words of types, such as "shape (n, n)", are no links to members that have their name."""
     for node in list(doctree.findall(pending_xref)):
         if node.get("refdomain") == "py" and node.get("refspecific") and re.fullmatch(WORDS, node["reftarget"]):
-            node.replace_self(Text(node["reftarget"]))
+            node.replace_self(emphasis("", node["reftarget"]))
 
 
 def public_name(app, env, node, contnode):

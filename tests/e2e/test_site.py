@@ -59,6 +59,14 @@ def test_equations_and_links_of_a_document(module, tmp_path):
         pages.converted("[a](nowhere.md)", ROOT / "docs" / "page.md", "page.md")
 
 
+def test_help_becomes_a_list_of_options(module):
+    text = ("Fits a model\n\nUsage: tokid fit [OPTIONS]\n\nOptions:\n  --lags N|auto    Lag order *p*\n"
+            "                   of the model\n  --a-long-option Excludes: --another\n                   Steps")
+    assert module("build").definitions(text) == (
+        "Fits a model\n\n```text\nUsage: tokid fit [OPTIONS]\n```\n\n**Options:**\n\n"
+        "`--lags N|auto`\n: Lag order \\*p\\* of the model\n\n`--a-long-option Excludes: --another`\n: Steps\n")
+
+
 def test_comments_of_headers_for_doxygen(module):
     lines = ["// What the file is.", "// SPDX-License-Identifier: BSD-3-Clause", "#pragma once", "// Sums 50 % <of> all.",
              "// \\throws IoError", "int f();", "double g = 1.0;  // [s]", 'const char* h = "//";']
