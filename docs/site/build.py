@@ -313,8 +313,8 @@ def python(source, package):
     listed = {name for _, _, names in rooms.PYTHON.values() for name in names}
     left = [f"tokid.{name}" for name in public(tokid) if f"tokid.{name}" not in listed and name != "__version__"]
     seen = {id(getattr(tokid, name)) for name in public(tokid)}
-    left += [f"tokid.results.{name}" for name in public(modules["tokid.results"])
-             if id(getattr(modules["tokid.results"], name)) not in seen]
+    results = modules["tokid.results"]
+    left += [f"tokid.results.{name}" for name in public(results) if id(getattr(results, name)) not in seen]
 
     def value_of(name):
         owner, _, last = name.rpartition(".")
@@ -323,7 +323,8 @@ def python(source, package):
     def block(name):
         value = value_of(name)
         if isinstance(value, type):
-            return f".. autoclass:: {name}\n   :members:\n   :inherited-members: float, OSError, UserWarning, BaseEstimator, RegressorMixin\n"
+            foreign = [base.__name__ for base in value.__mro__ if not base.__module__.startswith("tokid")]
+            return f".. autoclass:: {name}\n   :members:\n   :inherited-members: {', '.join(foreign)}\n"
         if callable(value):
             return f".. autofunction:: {name}\n"
         keys = ", ".join(f"``{key}``" for key in value)
@@ -342,8 +343,8 @@ def python(source, package):
             else:
                 whole.append(name)
                 parts.append(block(name))
-        table = "\n".join([".. autosummary::", "   :nosignatures:", "", *(f"   ~{name}" for name in whole if callable(value_of(name))),
-                           ""])
+        rows = [f"   ~{name}" for name in whole if callable(value_of(name))]
+        table = "\n".join([".. autosummary::", "   :nosignatures:", "", *rows, ""])
         source.write(f"reference/python/{page}.rst", "\n".join([heading(title), sentence + "\n", table, *parts]))
     entries = "\n".join(f"   {page}" for page in rooms.PYTHON)
     source.write("reference/python/index.rst", "\n".join([

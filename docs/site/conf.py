@@ -4,9 +4,11 @@
 import os
 import re
 from importlib import import_module
+from pathlib import Path
 
 from docutils.nodes import emphasis
 from sphinx.addnodes import pending_xref
+from sphinx.domains.python import PyObject
 from sphinx.util.nodes import make_refnode
 
 project = "tokid"
@@ -112,9 +114,32 @@ def plain_docstring(app, what, name, thing, options, lines):
         return f":doc:`/{match[1]}`" if (app.srcdir / f"{match[1]}.md").exists() else match[0]
 
     lines[:] = [re.sub(r"`?docs/([\w/-]+)\.md`?", link, line.replace("|", "\\|")) for line in lines]
+    if what == "class":
+        lines[:] = separate_fields(lines)
     if what in ("attribute", "data", "property") and lines and ": " in lines[0]:
         before, _, after = lines[0].partition(": ")
         lines[:1] = [f"{before}:", after]
+
+
+def separate_fields(lines):
+    """Attributes that share a line, "a, b : float", get lines of their own, as Napoleon does it for parameters."""
+    rest, out = list(lines), []
+    while rest:
+        line = rest.pop(0)
+        names, mark, kind = line.partition(" : ")
+        if not mark or not re.fullmatch(r"\w+(, \w+)+", names):
+            out.append(line)
+            continue
+        body = []
+        while rest and (rest[0].startswith(" ") or (not rest[0] and len(rest) > 1 and rest[1].startswith(" "))):
+            body.append(rest.pop(0))
+        out += [part for name in names.split(", ") for part in (f"{name} : {kind}", *body)]
+    return out
+
+
+def fields_alone(app, what, name, thing, options, signature, returns):
+    """Results are made by tokid, not by users: their fields matter, not how they are constructed."""
+    return ("", None) if what == "class" and thing.__module__ == "tokid.results" else None
 
 
 def not_of_sklearn(app, what, name, thing, skip, options):
@@ -122,8 +147,16 @@ def not_of_sklearn(app, what, name, thing, skip, options):
     return True if re.fullmatch(r"set_\w+_request|get_metadata_routing", name) else None
 
 
+site_code = Path(__file__).read_text(encoding="utf-8")  # all pages are read again when it changes
+
+
 def setup(app):
+    app.add_config_value("site_code", "", "env")
+    for field in PyObject.doc_field_types:
+        if field.name == "variable":
+            field.label = "Fields"
     app.connect("autodoc-process-docstring", plain_docstring, priority=400)  # before Napoleon
+    app.connect("autodoc-process-signature", fields_alone)
     app.connect("autodoc-skip-member", not_of_sklearn)
     app.connect("missing-reference", public_name)
     app.connect("doctree-read", words_stay_words)

@@ -17,37 +17,36 @@ def safe(text):
     return re.sub(r"([\\@<>&#$%\"])", r"\\\1", text.replace(r"\throws", "Throws"))
 
 
+def opening(lines):
+    """The comment that the file begins with."""
+    end = next((n for n, line in enumerate(lines) if not line.startswith("//")), len(lines))
+    texts = [line[2:].strip() for line in lines[:end]]
+    return ["//! \\file", *("" if text.startswith("SPDX") else f"//! {safe(text)}" for text in texts)], lines[end:]
+
+
 def filtered(lines):
-    opening, last_trails, column, in_list = True, False, -1, False
-    for line in lines:
+    """The lines of a header for Doxygen."""
+    first, rest = opening(lines)
+    yield from first
+    column, in_list = -1, False  # of a comment behind code, which may go on in the next line
+    for line in rest:
         stripped = line.lstrip()
-        if opening and not stripped.startswith("//"):
-            opening = False
-        if stripped.startswith("// clang-format") or stripped.startswith("// NOLINT"):
+        indent, text = line[:len(line) - len(stripped)], stripped[2:].strip()
+        code = TRAILING.match(line)
+        if stripped.startswith(("// clang-format", "// NOLINT")):
             yield ""
         elif stripped.startswith("//"):
-            text = stripped[2:].lstrip(" ")
-            if opening:
-                yield "" if text.startswith("SPDX") else f"//! {'' if last_trails else chr(92) + 'file' + chr(10) + '//! '}{safe(text)}"
-                last_trails = True
-                continue
-            indent = line[:len(line) - len(stripped)]
             in_list = text.startswith("- ") or (in_list and stripped.startswith("//   "))
-            if stripped.startswith("//   ") and not in_list:  # a formula on a line of its own
-                yield f"{indent}///\n{indent}/// {safe(text)}\n{indent}///"
-                last_trails = False
-                continue
-            # A comment behind code that goes on in the next line stands in the same column.
-            yield f"{indent}///{'<' if last_trails and len(indent) == column else ''} {safe(text)}"
-            last_trails = last_trails and len(indent) == column
+            formula = stripped.startswith("//   ") and not in_list  # on a line of its own
+            column = column if len(indent) == column else -1
+            mark = "///<" if column >= 0 else "///"
+            yield f"{indent}///\n{indent}/// {safe(text)}\n{indent}///" if formula else f"{indent}{mark} {safe(text)}"
+        elif code and not code["text"].startswith("NOLINT") and stripped[0] not in "#}":
+            column = len(code["code"])
+            yield f"{code['code']}///< {safe(code['text'])}"
         else:
-            found = TRAILING.match(line)
-            if found and not found["text"].startswith("NOLINT") and stripped[0] not in "#}":
-                yield f"{found['code']}///< {safe(found['text'])}"
-                last_trails, column = True, len(found["code"])
-            else:
-                yield line
-                last_trails, column = False, -1
+            column = -1
+            yield line
 
 
 if __name__ == "__main__":

@@ -26,7 +26,7 @@ def described(element):
         for one in lists:
             para.remove(one)
         blocks += [("", words(para))] + [("- ", words(item)) for one in lists for item in one.findall("listitem")]
-    plain = [start + re.sub(r"([\\*`|_])", r"\\\1", text) for start, text in blocks if text]
+    plain = [start + re.sub(r"^(?=\(?\w+[.)])|([\\*`|_])", r"\\\1", text) for start, text in blocks if text]
     return [re.sub(r"docs/([\w/-]+)\.md", linked, text) for text in plain]
 
 

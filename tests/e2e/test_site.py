@@ -3,6 +3,8 @@
 
 import ast
 import importlib
+import json
+import re
 import sys
 
 import pytest
@@ -86,3 +88,9 @@ def test_the_check_finds_wrong_links_and_other_hosts(module, tmp_path):
                                      "</script>", encoding="utf-8")
     (tmp_path / "a.css").write_text("@font-face { src: url(https://example.org/f.woff) }", encoding="utf-8")
     assert [text.split()[-1] for text in problems(tmp_path)] == ["have.", "nowhere.", "have.", "host.", "host."]
+
+
+def test_the_switcher_has_this_version():
+    (version,) = re.findall(r"^project\(tokid VERSION ([\d.]+)", (ROOT / "CMakeLists.txt").read_text(encoding="utf-8"), re.MULTILINE)
+    known = json.loads((SITE / "static" / "switcher.json").read_text(encoding="utf-8"))
+    assert [entry["version"] for entry in known].count(version) == 1
