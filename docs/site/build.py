@@ -227,14 +227,14 @@ def gallery(source, pages):
             raise SystemExit(f"{path.relative_to(ROOT)} has no picture: run examples/python/notebooks.py --run {name}")
         source.write(f"gallery/{name}.png", image)
         source.write(f"gallery/{name}.py", path.with_suffix(".py").read_bytes())
-        source.write(f"gallery/downloads/{name}.ipynb.txt", path.read_bytes())
+        source.write(f"gallery/downloads/{name}.ipynb", path.read_bytes())
         for cell in notebook["cells"]:
             if cell["cell_type"] == "markdown":
                 text = pages.converted("".join(cell["source"]), path, f"gallery/{name}.ipynb")
                 cell["source"] = text.splitlines(keepends=True)
         first = notebook["cells"][0]["source"]
         title, text = first[0].lstrip("# ").strip(), "".join(first[1:]).strip().split("\n\n")[0].replace("\n", " ")
-        first.append(f"\n\n{{download}}`Script <{name}.py>`, {{download}}`notebook <downloads/{name}.ipynb.txt>`")
+        first.append(f"\n\n{{download}}`Script <{name}.py>`, {{download}}`notebook <downloads/{name}.ipynb>`")
         source.write(f"gallery/{name}.ipynb", json.dumps(notebook, indent=1, ensure_ascii=False))
         cards.append(card(title, f"/gallery/{name}", text, f"/gallery/{name}.png"))
     text = ("# Gallery\n\nThe outputs and pictures are those of `examples/python/notebooks.py --run`, which executes the "
