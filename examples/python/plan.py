@@ -43,7 +43,8 @@ print(f"{plan.experiments} experiments with {plan.kind} inputs")
 #
 # The planned number of experiments, a quarter of it, and twice as many. Beside the planned inputs there are those of step
 # tests: in each experiment, each input is constant at a random height. They tell the inputs of neighbouring steps apart
-# by the noise alone, so that more experiments do not help.
+# by the noise alone, so that more experiments do not help. The lag order is twice that of the plan, because a longer past
+# averages the noise.
 
 # %%
 counts = [plan.experiments // 4, plan.experiments, 2 * plan.experiments]
@@ -54,7 +55,7 @@ for count in counts:
     for name, u in zip(errors, (planned, steps)):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", tokid.TokidWarning)  # they say what is wrong with step tests
-            model = tokid.identify(measure(u, seed=7), nominal="none", refine=False)
+            model = tokid.identify(measure(u, seed=7), states=4, lags=2 * plan.lags, nominal="none", refine=False)
         errors[name].append(np.sqrt(np.mean(model.difference(plant).relative_error**2)))
 print("Relative errors of the pulse responses")
 print(f"{'experiments':<16}" + "".join(f"{count:8}" for count in counts))
