@@ -381,14 +381,19 @@ def cpp(source, out):
         "them. Matrices are those of Eigen.\n", f".. toctree::\n   :maxdepth: 1\n\n{entries}\n"]))
 
 
-def mathjax(out):
-    """MathJax with the fonts that it loads, from a package, so that no page needs another host; gives the folder."""
+def static(out):
+    """Files that pages load: the versions, and MathJax with its fonts from a package, so that none needs another host."""
     files = Path(find_spec("sphinx-mathjax-offline").origin).parent / "static" / "mathjax"
     for path in [files / "tex-chtml.js", *sorted((files / "output" / "chtml" / "fonts" / "woff-v2").glob("*.woff"))]:
         target = out / "mathjax" / path.relative_to(files)
         if not target.exists():
             target.parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(path, target)
+    versions = json.loads((SITE / "versions.json").read_text(encoding="utf-8"))
+    place = os.environ.get("TOKID_DOCS_URL") or "/"
+    for version in versions:
+        version["url"] = re.sub(r"^/", place.rstrip("/") + "/", version["url"])
+    (out / "switcher.json").write_text(json.dumps(versions), encoding="utf-8")
     return out
 
 
@@ -416,7 +421,7 @@ def main():
             page.unlink()
     version = re.search(r"project\(\s*tokid\s+VERSION\s+([\d.]+)", (ROOT / "CMakeLists.txt").read_text())[1]
     environment = {**os.environ, "PYTHONPATH": str(arguments.package.resolve()), "MPLBACKEND": "agg",
-                   "TOKID_DOCS_VERSION": version, "TOKID_DOCS_MATHJAX": str(mathjax(out / "mathjax"))}
+                   "TOKID_DOCS_VERSION": version, "TOKID_DOCS_STATIC": str(static(out / "static"))}
     status = subprocess.run([sys.executable, "-m", "sphinx", "-b", "html", "-W", "--keep-going", "-n", "-q", "-j", "auto",
                              "-c", SITE, "-d", out / "doctrees", source.folder, out / "html"], env=environment, check=False)
     if status.returncode:

@@ -54,8 +54,7 @@ cpp_index_common_prefix = ["tokid::"]
 # ---- Pages ----
 html_theme = "pydata_sphinx_theme"
 html_title = "tokid"
-# MathJax with its fonts from a package, not from another host
-html_static_path = ["static", os.environ["TOKID_DOCS_MATHJAX"]]
+html_static_path = ["static", os.environ["TOKID_DOCS_STATIC"]]
 mathjax_path = "mathjax/tex-chtml.js"
 html_css_files = ["site.css"]
 html_js_files = ["site.js"]
@@ -63,6 +62,7 @@ html_show_sourcelink = False
 html_copy_source = False
 copybutton_exclude = ".linenos, .gp, .go"
 switcher = os.environ.get("TOKID_DOCS_SWITCHER", "_static/switcher.json")  # a URL, or a file of the site
+html_context = {"default_mode": "auto"}
 html_theme_options = {
     "switcher": {"json_url": switcher, "version_match": release},
     "check_switcher": False,

@@ -92,5 +92,5 @@ def test_the_check_finds_wrong_links_and_other_hosts(module, tmp_path):
 
 def test_the_switcher_has_this_version():
     (version,) = re.findall(r"^project\(tokid VERSION ([\d.]+)", (ROOT / "CMakeLists.txt").read_text(encoding="utf-8"), re.MULTILINE)
-    known = json.loads((SITE / "static" / "switcher.json").read_text(encoding="utf-8"))
+    known = json.loads((SITE / "versions.json").read_text(encoding="utf-8"))
     assert [entry["version"] for entry in known].count(version) == 1
