@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The site (make docs) shows everything that is public, and its checks find what they are for."""
+"""The site (make docs): what its lists name exists, texts are converted, and its checks find what they are for."""
 
 import ast
 import importlib
@@ -30,17 +30,18 @@ def once(names):
     return set(names)
 
 
-def test_each_header_has_its_place(module):
+# What no list names stands in the last group of its kind; what a list names must be there.
+def test_listed_headers_exist(module):
     placed = once([name for _, names in module("rooms").CPP.values() for name in names])
-    assert placed == {path.stem for path in (ROOT / "include" / "tokid").glob("*.hpp")}
+    assert placed <= {path.stem for path in (ROOT / "include" / "tokid").glob("*.hpp")}
 
 
-def test_each_python_name_has_its_place(module):
+def test_listed_python_names_exist(module):
     placed = once([name for _, _, names in module("rooms").PYTHON.values() for name in names])
     tree = ast.parse((ROOT / "python" / "tokid" / "__init__.py").read_text(encoding="utf-8"))
     values = {node.targets[0].id: node.value for node in tree.body if isinstance(node, ast.Assign)}
     public = set(ast.literal_eval(values["__all__"])) | set(ast.literal_eval(values["_LATER"]))
-    assert placed == {f"tokid.{name}" for name in public - {"__version__"}}
+    assert placed <= {f"tokid.{name}" for name in public - {"__version__"}}
 
 
 def test_each_example_is_in_the_gallery(module):
