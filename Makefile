@@ -10,6 +10,7 @@ wheel_packages := cmake ninja-build binutils debian-archive-keyring dpkg-dev pyt
 wheel_test_packages := $(build_packages) debootstrap python3 python3-venv qemu-user-static
 bench_packages := $(build_packages) libbenchmark-dev libopenblas-serial-dev libopenmpi-dev openmpi-bin \
                   python3 python3-numpy python3-h5py python3-dev python3-venv octave octave-control
+compare_packages := $(build_packages) python3 python3-dev python3-venv octave octave-control
 cover_packages := $(test_packages) gcovr
 grind_packages := $(test_packages) valgrind
 fuzz_packages  := $(build_packages) clang-16 libclang-rt-16-dev python3
@@ -38,7 +39,7 @@ configure = cmake --log-level=WARNING $(if $(TOKID_WARNINGS_AS_ERRORS),-DTOKID_W
 # Debian's own, which has the packages above; another one may come first on the path.
 python := $(firstword $(wildcard /usr/bin/python3) python3)
 
-.PHONY: help build demo test docs gallery wheel wheels wheel-test package release release-test portability bench studies zoo sbom install-test asan tsan valgrind coverage fuzz tidy format clean
+.PHONY: help build demo test docs gallery wheel wheels wheel-test package release release-test portability bench studies zoo compare sbom install-test asan tsan valgrind coverage fuzz tidy format clean
 
 help:
 	@echo 'make demo          the tool, then the main job on the example of the paper (files in build/demo)'
@@ -55,6 +56,7 @@ help:
 	@echo 'make bench         measures time and memory for twenty minutes, writes the tables of docs/performance.md'
 	@echo 'make studies       rounding errors, coverage, defects, noise, outliers: prints the tables of docs/ (tests/studies/README.md)'
 	@echo 'make zoo           identifies the plants of docs/plants.md under all conditions, for an hour: prints its tables'
+	@echo 'make compare       tokid beside other methods for twenty minutes, writes the tables of docs/comparison.md'
 	@echo 'make sbom          what tokid consists of, with versions, in CycloneDX (build/tokid.cdx.json)'
 	@echo 'make build         the tool (build/bin/tokid), the library, the examples'
 	@echo 'make install-test  only the tests of the installed package'
@@ -158,6 +160,14 @@ zoo: build
 	$(call install,python3 python3-numpy python3-scipy)
 	@$(python) bench/zoo/run.py --tool build/bin/tokid --jobs 2 -o build/zoo.jsonl $(ZOO)
 	@$(python) bench/zoo/table.py build/zoo.jsonl
+
+# Goes on where it was stopped. COMPARE: arguments of bench/compare/run.py, like --short or --print
+compare:
+	$(call install,$(compare_packages))
+	@$(configure) release -DTOKID_BUILD_PYTHON=ON >/dev/null
+	@cmake --build build --target _tokid
+	@$(python) tests/set_up.py build/bench-venv bench/requirements.txt bench/requirements-compare.txt
+	@PYTHONPATH=$(CURDIR)/build/python build/bench-venv/bin/python bench/compare/run.py -o build/compare.jsonl $(COMPARE)
 
 sbom: build
 	@$(python) cmake/sbom.py . build build/tokid.cdx.json
