@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What tokid identifies beside what programs of others identify from the same data.
 
-With TOKID_UPDATE_DOCS=1 in the environment, the figures in docs/comparisons.md are written anew instead of compared.
+With TOKID_UPDATE_DOCS=1 in the environment, the figures in docs/agreement.md are written anew instead of compared.
 """
 
 import functools
@@ -25,7 +25,7 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "bench"))
 import numpy_tokid
 
-DOCUMENT = ROOT / "docs" / "comparisons.md"
+DOCUMENT = ROOT / "docs" / "agreement.md"
 EPS = np.finfo(float).eps
 
 pytestmark = pytest.mark.filterwarnings("ignore:initial states are unknown")
@@ -393,7 +393,7 @@ def test_better_than_n4sid_on_the_whole():
     assert (tokid_s <= n4sid_s).all()
 
 
-# ---- docs/comparisons.md ----
+# ---- docs/agreement.md ----
 
 
 def tables():
@@ -452,4 +452,4 @@ def test_document():
                 assert alike(shown, found, same_bound if name == "exact" else same_losses), f"shown: {shown}\nfound: {found}"
     if updated != text:
         DOCUMENT.write_text(updated, encoding="utf-8")
-        pytest.skip("docs/comparisons.md written anew")
+        pytest.skip("docs/agreement.md written anew")
