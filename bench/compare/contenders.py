@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 import methods
-from judge import FOLDS, choose, cross_validated, fitted, folds, objective, removed
+from judge import choose, cross_validated, fitted, folds, objective, removed
 from predictors import Departures, StateSpace
 
 OCTAVE = os.environ.get("TOKID_OCTAVE", "octave-cli")
@@ -60,7 +60,7 @@ class Tokid:
 
 
 def by_tokid(data):
-    """All options at their defaults."""
+    """tokid with all options at their defaults."""
     import tokid
 
     warnings.simplefilter("ignore", tokid.TokidWarning)
@@ -82,46 +82,54 @@ def by_system_id(data):
                       {"systemID-light": importlib.metadata.version("systemID-light")})
 
 
-def by_n4sid(data):
-    """n4sid of Octave's control package (SLICOT): a full grid of options, in one start of Octave."""
+def n4sid_models(ensembles, fits):
+    """Models of n4sid of Octave's control package (SLICOT), or None; their processor seconds; the versions.
+
+    ensembles: pairs u, y. fits: number of an ensemble, states, block rows. One start of Octave makes all of them.
+    """
     import scipy.io
 
-    parts = [(nominal, part) for nominal in YES_NO for part in [*(t for t, _ in folds(len(data.u))), np.arange(len(data.u))]]
-    means = [removed(data.u[part], data.y[part], nominal) for nominal, part in parts]
-    ensembles = np.empty(len(parts), object)
-    ensembles[:] = [{"u": data.u[part] - u_mean, "y": data.y[part] - y_mean} for (_, part), (u_mean, y_mean) in zip(parts, means)]
-    grid = [(states, rows) for states in sorted(STATES) for rows in BLOCK_ROWS if rows > states]
-    fits = [(e + 1, states, rows) for states, rows in grid for e in range(len(parts))]
+    requests = {"ensembles": np.empty(len(ensembles), object), "fits": np.array(fits, float) + [1, 0, 0]}
+    requests["ensembles"][:] = [{"u": u, "y": y} for u, y in ensembles]
     with tempfile.TemporaryDirectory() as folder:
         files = {"REQUESTS": f"{folder}/requests.mat", "ANSWERS": f"{folder}/answers.mat"}
-        scipy.io.savemat(files["REQUESTS"], {"ensembles": ensembles, "fits": np.array(fits, float)})
-        subprocess.run([OCTAVE, "--no-gui", "--no-init-file", "--no-history", Path(__file__).with_name("n4sid_grid.m")],
-                       env=os.environ | files, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=True)
+        scipy.io.savemat(files["REQUESTS"], requests)
+        script = Path(__file__).with_name("n4sid_grid.m")
+        subprocess.run([OCTAVE, "--no-gui", "--no-init-file", "--no-history", script], env=os.environ | files,
+                       stdin=subprocess.DEVNULL, capture_output=True, text=True, check=True)
         answer = scipy.io.loadmat(files["ANSWERS"], simplify_cells=True)
-    r, m = data.u.shape[2], data.y.shape[2]
+    (r, m), models = (part.shape[2] for part in ensembles[0]), []
+    for (_, n, _), found in zip(fits, answer["answers"]):
+        shapes = {"A": (n, n), "B": (n, r), "C": (m, n), "D": (m, r), "K": (n, m)}
+        matrices = [np.reshape(found[name], (1, *shape)) for name, shape in shapes.items() if name in found]
+        complete = len(matrices) == len(shapes) and all(np.isfinite(part).all() for part in matrices)
+        models.append(StateSpace(*matrices) if complete else None)
+    return models, [found["seconds"] for found in answer["answers"]], answer["versions"]
 
-    def predictor(fit):
-        found = answer["answers"][fits.index(fit)]
-        if "A" not in found:
-            return None
-        n, shapes = fit[1], {"A": (fit[1], fit[1]), "B": (fit[1], r), "C": (m, fit[1]), "D": (m, r), "K": (fit[1], m)}
-        matrices = [np.reshape(found[name], (1, *shape)) for name, shape in shapes.items()]
-        if not n or not all(np.isfinite(part).all() for part in matrices):
-            return None
-        return Departures(StateSpace(*matrices), *means[fit[0] - 1])
 
+def by_n4sid(data):
+    """n4sid with the best options of a full grid."""
+    count = len(data.u)
+    parts = [*(training for training, _ in folds(count)), np.arange(count)]
+    means = {(nominal, i): removed(data.u[part], data.y[part], nominal)
+             for nominal in YES_NO for i, part in enumerate(parts)}
+    ensembles = [(data.u[parts[i]] - u_mean, data.y[parts[i]] - y_mean) for (_, i), (u_mean, y_mean) in means.items()]
+    sizes = [(states, rows) for states in sorted(STATES) for rows in BLOCK_ROWS if rows > states]
+    fits = [(e, *size) for size in sizes for e in range(len(ensembles))]
+    models, seconds, versions = n4sid_models(ensembles, fits)
     begin = time.process_time()
-    scores = {}
-    for nominal, shift in ((True, 0), (False, FOLDS + 1)):
-        for states, rows in grid:
-            found = cross_validated(lambda fold, _: predictor((fold + 1 + shift, states, rows)), data.u, data.y)
-            scores[nominal, states, rows] = objective(found)
-    nominal, states, rows = best = min(scores, key=scores.get)
-    final = ((FOLDS + 1) * (1 if nominal else 2), states, rows)
-    judging = time.process_time() - begin
-    seconds = [found["seconds"] for found in answer["answers"]]
-    return Identified(predictor(final), dict(zip(("nominal", "states", "rows"), best)), judging + sum(seconds),
-                      seconds[fits.index(final)], answer["versions"])
+    places = {(*which, *size): fits.index((e, *size)) for e, which in enumerate(means) for size in sizes}
+
+    def predictor(nominal, i, *size):
+        model = models[places[nominal, i, *size]]
+        return model and Departures(model, *means[nominal, i])
+
+    scores = {(nominal, *size): objective(cross_validated(lambda i, _: predictor(nominal, i, *size), data.u, data.y))
+              for nominal in YES_NO for size in sizes}
+    nominal, *size = best = min(scores, key=scores.get)
+    final = nominal, len(parts) - 1, *size
+    return Identified(predictor(*final), dict(zip(("nominal", "states", "rows"), best)),
+                      time.process_time() - begin + sum(seconds), seconds[places[final]], versions)
 
 
 def of(fit, **candidates):
@@ -132,9 +140,10 @@ def of(fit, **candidates):
 CONTENDERS = {
     "tokid": by_tokid,
     "varying ARX": of(methods.varying_arx, lags=[2, 1, 3, 4, 6, 8], feedthrough=YES_NO),
-    "varying ARX, pooled": of(methods.varying_arx, lags=LAGS, pool=[4, 0, 1, 2, 8, 16], ridge=RIDGE, feedthrough=YES_NO),
-    "RLS over the ensemble": of(methods.recursive_ensemble, lags=LAGS, forgetting=[0.9, 0.3, 0.5, 0.7, 0.8, 0.95, 0.98, 1.0],
-                                feedthrough=YES_NO),
+    "varying ARX, pooled": of(methods.varying_arx, lags=LAGS, pool=[4, 0, 1, 2, 8, 16], ridge=RIDGE,
+                              feedthrough=YES_NO),
+    "RLS over the ensemble": of(methods.recursive_ensemble, lags=LAGS,
+                                forgetting=[0.9, 0.3, 0.5, 0.7, 0.8, 0.95, 0.98, 1.0], feedthrough=YES_NO),
     "RLS in each run": of(methods.recursive_run, lags=LAGS, forgetting=[1.0, 0.998, 0.99, 0.97, 0.9],
                           prior=[30, 3, 300, 3000], feedthrough=YES_NO),
     "ARX": of(methods.invariant_arx, lags=LONG, ridge=[0.0, 1e-5, 1e-4, 1e-3, 1e-2], feedthrough=YES_NO),

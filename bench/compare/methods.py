@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The methods that tokid is compared with.
 
-Each function takes the samples u (N, T, r) and y (N, T, m) of the training experiments and stated options, and returns a
-predictor (predictors.py). `judge.py` chooses the options. Regressors are divided by the root mean squares of their
-channels, so that penalties and ranks do not depend on units.
+Each function takes the samples u (N, T, r) and y (N, T, m) of the training experiments and stated options. It returns
+a predictor (predictors.py), or None if the options are impossible. judge.py chooses the options. Regressors are divided
+by the root mean squares of their channels, so that penalties and ranks do not depend on units.
 """
 
 from dataclasses import dataclass
@@ -38,7 +38,8 @@ class Regression:
         u_size, y_size = sizes_of(u), sizes_of(y)
         u, y = u / u_size, y / y_size
         parts = [u] if feedthrough else []
-        return cls(np.concatenate([*parts, lagged(y, lags), lagged(u, lags)], axis=2), y, u_size, y_size, lags, feedthrough)
+        W = np.concatenate([*parts, lagged(y, lags), lagged(u, lags)], axis=2)
+        return cls(W, y, u_size, y_size, lags, feedthrough)
 
     def arx(self, coefficients):
         """The model of the coefficients (..., q, m) of these regressors, in the units of the samples."""
@@ -47,9 +48,8 @@ class Regression:
         direct, own, driven = np.split(coefficients * self.y_size, edges, axis=-2)
         if not self.feedthrough:
             direct = np.zeros((*coefficients.shape[:-2], r, m))
-        else:
-            direct = direct / self.u_size[:, None]
-        return Arx(direct, own / np.tile(self.y_size, self.lags)[:, None], driven / np.tile(self.u_size, self.lags)[:, None])
+        of_y, of_u = (np.tile(size, self.lags)[:, None] for size in (self.y_size, self.u_size))
+        return Arx(direct / self.u_size[:, None], own / of_y, driven / of_u)
 
 
 def triangles(rows):
@@ -132,23 +132,23 @@ class Adaptive:
 
     def predict(self, u, y, horizons):
         t = self.training
-        parts = u.transpose(1, 0, 2), y.transpose(1, 0, 2)
-        u, y = parts[0] / t.u_size, parts[1] / t.y_size
-        exogenous, past, m = lagged(u, t.lags), lagged(y, t.lags), y.shape[2]
-        W = np.concatenate([*([u] if t.feedthrough else []), past, exogenous], axis=2)
+        u, y = u.transpose(1, 0, 2) / t.u_size, y.transpose(1, 0, 2) / t.y_size
+        past, m = lagged(y, t.lags), y.shape[2]
+        W = np.concatenate([*([u] if t.feedthrough else []), past, lagged(u, t.lags)], axis=2)
         steps, count, unknowns = W.shape
         known = np.empty((steps + 1, count, unknowns, m))  # before the sample of the step
         known[0] = self.start
         P = np.tile(self.covariance, (count, 1, 1))
         for k in range(steps):
+            if k < t.lags:  # the regressors are not complete
+                known[k + 1] = known[k]
+                continue
             w = W[k, :, :, None]
             Pw = P @ w
             gain = Pw / (self.forgetting + w.transpose(0, 2, 1) @ Pw)
-            error = y[k, :, None, :] - w.transpose(0, 2, 1) @ known[k]
-            known[k + 1] = known[k] + gain @ error if k >= t.lags else known[k]
-            if k >= t.lags:
-                P = (P - gain @ Pw.transpose(0, 2, 1)) / self.forgetting
-                P = (P + P.transpose(0, 2, 1)) / 2
+            known[k + 1] = known[k] + gain @ (y[k, :, None, :] - w.transpose(0, 2, 1) @ known[k])
+            P = (P - gain @ Pw.transpose(0, 2, 1)) / self.forgetting
+            P = (P + P.transpose(0, 2, 1)) / 2
         begin = len(t.u_size) * t.feedthrough
         others = np.r_[:begin, begin + t.lags * m : unknowns]
         rest, coefficients = W[:, :, None, others], known[:-1]
@@ -196,7 +196,8 @@ def okid_era(u, y, lags, states, joint=True):
         for j in range(min(i, lags)):
             h[i] += own[j] @ h[i - 1 - j]
     half, columns = count // 2, slice(0, r + m if joint else r)
-    H, shifted = (np.block([[h[i + j + first][:, columns] for j in range(half)] for i in range(half)]) for first in (0, 1))
+    H, shifted = (np.block([[h[i + j + first][:, columns] for j in range(half)] for i in range(half)])
+                  for first in (0, 1))
     U, s, V = np.linalg.svd(H, full_matrices=False)
     if s[states - 1] <= SINGULAR * s[0]:
         return None
@@ -211,7 +212,7 @@ def okid_era(u, y, lags, states, joint=True):
 
 @dataclass(frozen=True)
 class Delays:
-    """z[k+1] = A z[k] + B u[k] of the last outputs and inputs z, over their sizes; the first entries are the outputs."""
+    """z[k+1] = A z[k] + B u[k]. z has the last outputs and inputs, over their sizes. Those of step k are first."""
 
     A: np.ndarray
     B: np.ndarray
@@ -262,7 +263,7 @@ def system_id(u, y, lags, states, free_y, dt=1.0):
     """
     from systemID_light.model.model import discrete_ss_model
 
-    count, steps, r = u.shape
+    _, steps, r = u.shape
     m = y.shape[2]
     rows = max(lags, -(-states // min(r, m))) + 1
     if states > min(lags * m, len(free_y), rows * r) or 2 * rows + 2 > steps:
@@ -273,7 +274,8 @@ def system_id(u, y, lags, states, free_y, dt=1.0):
                     free_response_output_data=np.ascontiguousarray(free_y.transpose(2, 1, 0)),
                     observer_order=lags, p=rows, q=rows)
     found, end = program.fit_config, steps - rows - 1
-    A, B, C, D = (np.array([matrix(k * dt) for k in range(end)]) for matrix in (program.A, program.B, program.C, program.D))
+    A, B, C, D = (np.array([matrix(k * dt) for k in range(end)])
+                  for matrix in (program.A, program.B, program.C, program.D))
     K = np.empty((end, states, m))
     reference = np.linalg.pinv(found["Ok"][:, :, rows])
     for k in range(end):
@@ -293,4 +295,5 @@ class Ending:
 
     def predict(self, u, y, horizons):
         predicted = self.inner.predict(u[:, : self.end], y[:, : self.end], horizons)
-        return [np.pad(part, ((0, 0), (0, y.shape[1] - self.end), (0, 0)), constant_values=np.nan) for part in predicted]
+        missing = ((0, 0), (0, y.shape[1] - self.end), (0, 0))
+        return [np.pad(part, missing, constant_values=np.nan) for part in predicted]

@@ -1,8 +1,8 @@
 % Identifies time-invariant models of ensembles by n4sid of the control package.
 %
-% REQUESTS, a .mat, has cells `ensembles` of structs with u (N x T x r) and y (N x T x m), and `fits`, rows of the number
-% of an ensemble, an order, and a number of block rows. ANSWERS has a struct for each fit: A, B, C, D, the Kalman gain K
-% and processor seconds; nothing but the seconds where n4sid fails. The versions stand beside.
+% REQUESTS, a .mat, has `ensembles`, a cell of structs with u (N x T x r) and y (N x T x m). The rows of its `fits` are
+% the number of an ensemble, an order, and a number of block rows. ANSWERS, another .mat, has a struct for each fit: A,
+% B, C, D, the Kalman gain K and processor seconds; nothing but the seconds where n4sid fails. The versions stand beside.
 
 % SPDX-License-Identifier: BSD-3-Clause
 

@@ -4,10 +4,10 @@
 
     bench/compare/run.py [-o build/compare.jsonl] [--short] [--only NAME ...] [--print]
 
-`make compare` does so, with the Python package of tokid on the path. Appends one JSON line for each data set and method,
-and does not measure again what is in the file. The robot's runs come from $TOKID_DATA (examples/pendubot.py says where
-they are public); where they are absent, their table stays as it is. --short measures two small data sets. --print
-prints the tables and leaves the document alone.
+`make compare` does so, with the Python package of tokid on the path. The program appends one JSON line for each data
+set and method, and does not measure again what is in the file. The robot's runs come from the folder TOKID_DATA;
+examples/pendubot.py says where they are public. Where they are absent, their table stays as it is. --short measures
+small data sets. --print prints the tables and leaves the document alone.
 """
 
 import argparse
@@ -28,7 +28,9 @@ from ensembles import PLANTS, ROBOT, ROOT, of_plant, of_robot, robot_path  # noq
 from judge import HORIZONS, errors, squares  # noqa: E402
 
 DOCUMENT, PICTURE = ROOT / "docs" / "comparison.md", ROOT / "docs" / "images" / "comparison.svg"
-NOISES, COUNTS, SEEDS, SPLITS = ("low", "high"), (20, 60), 2, 5
+NOISES, SPLITS = ("low", "high"), 5
+SEEDS = {20: 2, 60: 1}  # experiments -> ensembles of each plant and noise
+COUNTS = tuple(SEEDS)
 BEST = "Kalman filter of the true plant"
 MEMORY_OF = ("crane", 60, "low", 0)
 UNMEASURED = "–"
@@ -39,12 +41,12 @@ def cells(short):
     if short:
         plants = [(name, 20, "low", 0) for name in ("stiffness_jump", "invariant_structure")]
     else:
-        plants = [(name, count, noise, seed) for seed in range(SEEDS) for noise in NOISES for count in COUNTS
-                  for name in PLANTS]
+        plants = [(name, count, noise, seed) for count, seeds in SEEDS.items() for seed in range(seeds)
+                  for noise in NOISES for name in PLANTS]
     robot = [(ROBOT, None, None, split) for split in range(1 if short else SPLITS)]
     if not robot_path().exists():
-        print("The robot's runs are absent and their table stays as it is; examples/pendubot.py says where they come from",
-              file=sys.stderr)
+        print("The robot's runs are absent, so their table stays as it is. examples/pendubot.py says where they come "
+              "from.", file=sys.stderr)
         robot = []
     return robot + plants
 
@@ -79,8 +81,9 @@ def peak_memory(contender):
         path = Path(folder, "data.npz")
         np.savez(path, u=data.u, y=data.y, free_y=data.free_y, dt=data.dt)
         here = Path(__file__).parent
-        done = subprocess.run([sys.executable, "-S", "-E", here.parent / "measured.py", sys.executable, here / "memory.py",
-                               contender, path], capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL)
+        command = [sys.executable, "-S", "-E", here.parent / "measured.py", sys.executable, here / "memory.py",
+                   contender, path]
+        done = subprocess.run(command, capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL)
     return json.loads(done.stdout.splitlines()[-1])["peak_bytes"] if done.returncode == 0 else None
 
 
@@ -122,7 +125,7 @@ def study(path, short, only):
             file.write(json.dumps(line) + "\n")
             file.flush()
             known[json.dumps(cell), name] = line
-            print(*(cell if cell != "memory" else [cell]), name, line.get("errors", line.get("missing", "")), file=sys.stderr)
+            print(*np.atleast_1d(cell), name, line.get("errors", line.get("missing", "")), file=sys.stderr)
     return known
 
 
@@ -150,18 +153,20 @@ def table(head, body):
 
 
 def error_rows(values, best):
-    """Rows of the errors of the methods (methods, columns), the least of a column in bold; below, those of the truth."""
+    """Rows of the errors of the methods (methods, columns), the least of a column in bold. The truth stands last."""
     measured_rows = ~np.isnan(values).all(axis=1)
     least = np.min(np.where(np.isnan(values), np.inf, values), axis=0)
     for name, row in zip(np.array(list(CONTENDERS))[measured_rows], values[measured_rows]):
-        yield [str(name), *(f"**{figure(value)}**" if value == low else figure(value) for value, low in zip(row, least))]
+        yield [str(name), *(f"**{figure(value)}**" if value == low else figure(value)
+                            for value, low in zip(row, least))]
     if not np.isnan(best).all():
         yield [f"*{BEST}*", *map(figure, best)]
 
 
 def errors_of(results, groups):
     """Errors (methods, groups * horizons), and those of the truth."""
-    found = [np.concatenate([medians(results, name, which, "errors") for which in groups]) for name in [*CONTENDERS, BEST]]
+    found = [np.concatenate([medians(results, name, which, "errors") for which in groups])
+             for name in [*CONTENDERS, BEST]]
     return np.array(found[:-1]), found[-1]
 
 
@@ -176,7 +181,8 @@ def tables(results):
         versions |= line.get("versions", {})
     versions = {"tokid": versions.pop("tokid", UNMEASURED), "NumPy": np.__version__, **versions}
     names = {"octave": "GNU Octave", "control": "its control package"}
-    yield "programs", list(table(["program", "version"], [[names.get(name, name), version] for name, version in versions.items()]))
+    rows = [[names.get(name, name), version] for name, version in versions.items()]
+    yield "programs", table(["program", "version"], rows)
     steps = [f"{horizon} step{'s' * (horizon > 1)}" for horizon in HORIZONS]
     if any(line["data"][0] == ROBOT for line in results.values()):
         yield "robot", table(["method", *steps], error_rows(*errors_of(results, [lambda cell: cell[0] == ROBOT])))
@@ -184,10 +190,12 @@ def tables(results):
         head = ["method", *(f"N = {count}: {step}" if step == steps[0] else step for count in COUNTS for step in steps)]
         groups = [of_noise(noise, count) for count in COUNTS]
         yield f"{noise}-noise", table(head, error_rows(*errors_of(results, groups)))
-    groups = [lambda cell, p=plant: of_noise("low", COUNTS[0])(cell) and cell[0] == p for plant in PLANTS]
     last = slice(len(HORIZONS) - 1, None, len(HORIZONS))
-    values, best = errors_of(results, groups)
-    yield "plants", table(["method", *(name.replace("_", " ") for name in PLANTS)], error_rows(values[:, last], best[last]))
+    for noise in NOISES:
+        groups = [lambda cell, n=noise, p=plant: of_noise(n, COUNTS[0])(cell) and cell[0] == p for plant in PLANTS]
+        values, best = errors_of(results, groups)
+        yield f"plants-{noise}", table(["method", *(name.replace("_", " ") for name in PLANTS)],
+                                       error_rows(values[:, last], best[last]))
     yield "costs", table(["method", *(f"N = {count} [s]" for count in COUNTS), "final fit [s]", "memory [MB]"],
                          cost_rows(results))
 
@@ -225,8 +233,9 @@ def draw(results):
     ink, rule = "#24292f", "#d5d9de"
     colours = ("#9ec5e8", "#3f8ac9", "#123f6d")
     panels = {"Robot, 14 runs": lambda cell: cell[0] == ROBOT}
-    panels |= {f"Five plants, {count} experiments": of_noise("low", count) for count in COUNTS}
-    panels = {title: which for title, which in panels.items() if np.isfinite(medians(results, "tokid", which, "errors")).all()}
+    panels |= {f"Plants, {count} experiments, low noise": of_noise("low", count) for count in COUNTS}
+    panels = {title: which for title, which in panels.items()
+              if np.isfinite(medians(results, "tokid", which, "errors")).all()}
     names = list(CONTENDERS)[::-1]
     figure_, axes = plt.subplots(1, len(panels), figsize=(9, 3.6), sharey=True, layout="constrained")
     for axis, (title, which) in zip(np.atleast_1d(axes), panels.items()):
@@ -237,7 +246,8 @@ def draw(results):
                 axis.scatter(value, row, s=34, color=colour, zorder=2,
                              label=f"{horizon} step{'s' * (horizon > 1)} ahead" if row == len(names) - 1 else None)
         axis.axvline(100, color=ink, linewidth=0.8, linestyle=":")
-        axis.set(title=title, xscale="log", xlabel="error [%]", xlim=(1, 200), yticks=range(len(names)), yticklabels=names)
+        axis.set_title(title, fontsize=9)
+        axis.set(xscale="log", xlabel="error [%]", xlim=(1, 200), yticks=range(len(names)), yticklabels=names)
         axis.set_xticks([1, 10, 100], ["1", "10", "100"])
         axis.grid(axis="x", color=rule, linewidth=0.5)
         axis.set_axisbelow(True)
@@ -251,7 +261,7 @@ def draw(results):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("-o", "--output", type=Path, default=ROOT / "build" / "compare.jsonl", help="file of the results")
+    parser.add_argument("-o", "--output", type=Path, default=ROOT / "build" / "compare.jsonl", help="results")
     parser.add_argument("--short", action="store_true", help="two plants and one split of the robot; prints the tables")
     parser.add_argument("--only", nargs="+", choices=CONTENDERS, help="methods (default all)")
     parser.add_argument("--print", action="store_true", help="print the tables instead of writing them")

@@ -13,8 +13,8 @@ import methods  # noqa: E402
 from judge import END, HORIZONS, choose, cross_validated, errors, squares  # noqa: E402
 from predictors import Arx, Departures, StateSpace  # noqa: E402
 
-# Errors [%] of exact methods. Rounding of 1e-16 grows with the condition of the regressions, below 1e4 here, and over 20
-# steps ahead with the responses, below 10. SINGULAR values that are dropped are smaller still.
+# Errors [%] of exact methods. Rounding of 1e-16 grows with the condition of the regressions, below 1e4 here, and with
+# the responses over 20 steps, below 10.
 EXACT = 1e-8
 STEPS = 60
 
@@ -23,7 +23,8 @@ def system_of(rng, steps, states=3, inputs=2, outputs=2, feedthrough=True):
     """Matrices of each step, that turn slowly from one stable system into another; one step: time-invariant."""
     a = [rng.normal(size=(states, states)) for _ in range(2)]
     shapes = ((states, inputs), (outputs, states), (outputs, inputs))
-    ends = [[0.9 * first / np.abs(np.linalg.eigvals(first)).max(), *(rng.normal(size=shape) for shape in shapes)] for first in a]
+    ends = [[0.9 * first / np.abs(np.linalg.eigvals(first)).max(), *(rng.normal(size=shape) for shape in shapes)]
+            for first in a]
     share = np.linspace(0, 1, steps)[:, None, None] if steps > 1 else np.zeros((1, 1, 1))
     A, B, C, D = ((1 - share) * p + share * q for p, q in zip(*ends))
     return A, B, C, D * feedthrough
@@ -75,8 +76,9 @@ def test_predictions_by_arx_coefficients():
     for k in (5, 6, 17, STEPS - 1):
         known = y.copy()
         for step in range(k - 4, k + 1):
-            past = [np.hstack([part[:, step - j] if step >= j else 0 * part[:, 0] for j in (1, 2)]) for part in (known, u)]
-            known[:, step] = u[:, step] @ model.direct[step] + past[0] @ model.own[step] + past[1] @ model.driven[step]
+            past_y, past_u = (np.hstack([part[:, step - j] if step >= j else 0 * part[:, 0] for j in (1, 2)])
+                              for part in (known, u))
+            known[:, step] = u[:, step] @ model.direct[step] + past_y @ model.own[step] + past_u @ model.driven[step]
         assert np.allclose(found[:, k], known[:, k], rtol=1e-12, atol=1e-12)  # sums of 12 products of size one
     assert np.isnan(found[:, :5]).all()
 
@@ -200,7 +202,7 @@ def test_held_out_experiments_do_not_identify(invariant):
 
 
 def test_choice_of_options():
-    """Two lags and a mean trajectory: one lag is too few, and the regressions of eight have as many unknowns as rows."""
+    """A mean trajectory and two lags. One lag is too few; of eight, the regressions have hardly any rows to spare."""
     rng = np.random.default_rng(9)
     u, y = experiments(system_of(rng, 1, states=2, inputs=1, outputs=1), 20, rng, noise=0.1)
     y = y + 5 * np.sin(np.arange(STEPS))[:, None]
