@@ -28,7 +28,7 @@ from ensembles import PLANTS, ROBOT, ROOT, of_plant, of_robot, robot_path  # noq
 from judge import HORIZONS, errors, squares  # noqa: E402
 
 DOCUMENT, PICTURE = ROOT / "docs" / "comparison.md", ROOT / "docs" / "images" / "comparison.svg"
-NOISES, SPLITS = ("low", "high"), 5
+NOISES, SPLITS = ("low", "high"), 10
 SEEDS = {20: 2, 60: 1}  # experiments -> ensembles of each plant and noise
 COUNTS = tuple(SEEDS)
 BEST = "Kalman filter of the true plant"
