@@ -153,12 +153,15 @@ def table(head, body):
 
 
 def error_rows(values, best):
-    """Rows of the errors of the methods (methods, columns), the least of a column in bold. The truth stands last."""
+    """Rows of the errors of the methods (methods, columns). The truth stands last.
+
+    The least figure of a column is in bold, also where several methods show it.
+    """
     measured_rows = ~np.isnan(values).all(axis=1)
-    least = np.min(np.where(np.isnan(values), np.inf, values), axis=0)
+    least = [figure(low) for low in np.min(np.where(np.isnan(values), np.inf, values), axis=0)]
     for name, row in zip(np.array(list(CONTENDERS))[measured_rows], values[measured_rows]):
-        yield [str(name), *(f"**{figure(value)}**" if value == low else figure(value)
-                            for value, low in zip(row, least))]
+        cells_of_row = zip(map(figure, row), least)
+        yield [str(name), *(f"**{cell}**" if cell == low else cell for cell, low in cells_of_row)]
     if not np.isnan(best).all():
         yield [f"*{BEST}*", *map(figure, best)]
 
