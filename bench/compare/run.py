@@ -23,7 +23,7 @@ os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")
 
 import numpy as np  # noqa: E402 - after the number of threads is set
 
-from contenders import CONTENDERS  # noqa: E402
+from contenders import CONTENDERS, HINDSIGHT  # noqa: E402
 from ensembles import PLANTS, ROBOT, ROOT, of_plant, of_robot, robot_path  # noqa: E402
 from judge import HORIZONS, errors, squares  # noqa: E402
 
@@ -67,7 +67,7 @@ def judged(predictor, data):
 def measured(contender, data):
     """Errors, seconds and options of one identification; its first line of words where it fails."""
     try:
-        found = CONTENDERS[contender](data)
+        found = (CONTENDERS | HINDSIGHT)[contender](data)
     except (ImportError, OSError, subprocess.CalledProcessError) as error:
         return {"missing": f"{type(error).__name__}: {error}".splitlines()[0]}
     return {"errors": judged(found.predictor, data), "seconds": found.seconds, "fit_seconds": found.fit_seconds,
@@ -94,8 +94,8 @@ def jobs(short, only):
         for name in contenders:
             if cell[0] != ROBOT or name != "SystemID":  # free responses of the robot do not exist
                 yield list(cell), name
-        if cell[0] != ROBOT:
-            yield list(cell), BEST
+        for name in HINDSIGHT if cell[0] == ROBOT else [BEST]:
+            yield list(cell), name
     if not short:
         for name in ["nothing", *contenders]:
             yield "memory", name
@@ -152,25 +152,25 @@ def table(head, body):
     return ["| " + " | ".join(row) + " |" for row in rows]
 
 
-def error_rows(values, best):
-    """Rows of the errors of the methods (methods, columns). The truth stands last.
+def error_rows(values):
+    """Rows of the errors {method: columns}. The least figure of a column is in bold, also where several methods show it.
 
-    The least figure of a column is in bold, also where several methods show it.
+    Methods that are no contenders stand last, and not in bold.
     """
-    measured_rows = ~np.isnan(values).all(axis=1)
-    least = [figure(low) for low in np.min(np.where(np.isnan(values), np.inf, values), axis=0)]
-    for name, row in zip(np.array(list(CONTENDERS))[measured_rows], values[measured_rows]):
-        cells_of_row = zip(map(figure, row), least)
-        yield [str(name), *(f"**{cell}**" if cell == low else cell for cell, low in cells_of_row)]
-    if not np.isnan(best).all():
-        yield [f"*{BEST}*", *map(figure, best)]
+    values = {name: row for name, row in values.items() if not np.isnan(row).all()}
+    rows = [row for name, row in values.items() if name in CONTENDERS]
+    least = [figure(low) for low in np.min(np.nan_to_num(rows, nan=np.inf), axis=0)] if rows else []
+    for name, row in values.items():
+        if name in CONTENDERS:
+            yield [name, *(f"**{cell}**" if cell == low else cell for cell, low in zip(map(figure, row), least))]
+        else:
+            yield [f"*{name}*", *map(figure, row)]
 
 
 def errors_of(results, groups):
-    """Errors (methods, groups * horizons), and those of the truth."""
-    found = [np.concatenate([medians(results, name, which, "errors") for which in groups])
-             for name in [*CONTENDERS, BEST]]
-    return np.array(found[:-1]), found[-1]
+    """Errors {method: (groups * horizons)}."""
+    return {name: np.concatenate([medians(results, name, which, "errors") for which in groups])
+            for name in [*CONTENDERS, BEST, *HINDSIGHT]}
 
 
 def of_noise(noise, count):
@@ -188,17 +188,16 @@ def tables(results):
     yield "programs", table(["program", "version"], rows)
     steps = [f"{horizon} step{'s' * (horizon > 1)}" for horizon in HORIZONS]
     if any(line["data"][0] == ROBOT for line in results.values()):
-        yield "robot", table(["method", *steps], error_rows(*errors_of(results, [lambda cell: cell[0] == ROBOT])))
+        yield "robot", table(["method", *steps], error_rows(errors_of(results, [lambda cell: cell[0] == ROBOT])))
     for noise in NOISES:
         head = ["method", *(f"N = {count}: {step}" if step == steps[0] else step for count in COUNTS for step in steps)]
         groups = [of_noise(noise, count) for count in COUNTS]
-        yield f"{noise}-noise", table(head, error_rows(*errors_of(results, groups)))
+        yield f"{noise}-noise", table(head, error_rows(errors_of(results, groups)))
     last = slice(len(HORIZONS) - 1, None, len(HORIZONS))
     for noise in NOISES:
         groups = [lambda cell, n=noise, p=plant: of_noise(n, COUNTS[0])(cell) and cell[0] == p for plant in PLANTS]
-        values, best = errors_of(results, groups)
-        yield f"plants-{noise}", table(["method", *(name.replace("_", " ") for name in PLANTS)],
-                                       error_rows(values[:, last], best[last]))
+        values = {name: row[last] for name, row in errors_of(results, groups).items()}
+        yield f"plants-{noise}", table(["method", *(name.replace("_", " ") for name in PLANTS)], error_rows(values))
     yield "costs", table(["method", *(f"N = {count} [s]" for count in COUNTS), "final fit [s]", "memory [MB]"],
                          cost_rows(results))
 
