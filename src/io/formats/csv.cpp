@@ -247,13 +247,14 @@ class NumberReader {
       if (const auto number = number_from(word, '.')) numbers_.push_back(*number);
   }
 
-  double number(std::string_view cell, Index line, const std::string& column) {
+  // `may_be_missing`: the message about a text says how to read it as a missing sample.
+  double number(std::string_view cell, Index line, const std::string& column, bool may_be_missing = true) {
     if (is_missing(cell) || contains(words_, cell)) return missing;
     if (const auto value = value_of(cell, line, column)) {
       const bool stated = std::find(numbers_.begin(), numbers_.end(), *value) != numbers_.end();
       return stated ? missing : *value;
     }
-    if (!is_word_for_missing(cell)) fail_number(cell, line, column);
+    if (!is_word_for_missing(cell)) fail_number(cell, line, column, may_be_missing);
     Guess& guess = guesses_[std::string(cell)];
     if (guess.cells++ == 0) guess.first = fmt::format("line {}, column '{}'", line, column);
     return missing;
@@ -283,12 +284,14 @@ class NumberReader {
 
   void decide(char mark, Index line, std::string_view cell) { mark_ = mark, mark_line_ = line, mark_cell_ = cell; }
 
-  [[noreturn]] void fail_number(std::string_view cell, Index line, const std::string& column) const {
+  [[noreturn]] void fail_number(std::string_view cell, Index line, const std::string& column,
+                                bool may_be_missing) const {
     const std::string at = fmt::format("line {}, column '{}': '{}' found", line, column, words::quoted(cell));
     if (mark_ == '.' && number_from(cell, ','))
       fail("{}, but '{}' in line {}; the same decimal mark in the whole table needed", at, words::quoted(mark_cell_),
            mark_line_);
-    if (number_from(cell, '.') || number_from(cell, ',') || cell.find_first_of("0123456789") != std::string_view::npos)
+    if (number_from(cell, '.') || number_from(cell, ',') ||
+        cell.find_first_of("0123456789") != std::string_view::npos || !may_be_missing)
       fail("{}, a number needed", at);
     fail("{}, a number needed; --missing '{}' reads it as a missing sample", at, words::quoted(cell));
   }
@@ -377,7 +380,7 @@ class RecordReader {
     if (!column) return records_.rows.time.push_back(double(rows_[size_t(n)]++));
     const std::string& cell = row.cells[*column];
     if (chosen_.stamped) return add_stamp(row, cell);
-    const double time = numbers_.number(cell, row.line, header_[*column].title);
+    const double time = numbers_.number(cell, row.line, header_[*column].title, false);
     const bool whole = chosen_.time || time == std::floor(time);
     if (!std::isfinite(time) || !whole)
       fail("line {}, column '{}': '{}' found, a {} needed{}", row.line, header_[*column].title, words::quoted(cell),
