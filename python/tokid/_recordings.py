@@ -24,6 +24,7 @@ def read_options(
     inputs: Optional[Sequence[Any]] = None,
     outputs: Optional[Sequence[Any]] = None,
     outputs_required: bool = False,
+    time: Optional[str] = None,
     missing: Sequence[Any] = (),
     dates: Optional[str] = None,
     trigger: Optional[str] = None,
@@ -44,6 +45,7 @@ def read_options(
     options.inputs = [str(name) for name in inputs or ()]
     options.outputs = [str(name) for name in outputs or ()]
     options.outputs_required = bool(outputs_required)
+    options.time = time or ""
     options.missing = [str(word) for word in missing]
     options.dates = dates or ""
     options.trigger = trigger or ""
