@@ -18,7 +18,7 @@ struct Call {
 void run(const Call& call) {
   check_output(call.output, Content::ensemble);
   std::optional<Ensemble> planned;
-  if (!call.inputs.empty()) planned = load_ensemble(call.inputs);
+  if (!call.inputs.empty()) planned = load_ensemble(call.inputs, {.outputs_required = false});
   const Index steps = planned ? planned->steps() : call.steps;
   const Model system = call.name == "oscillator" ? oscillator(steps) : rotating_tube(steps);
   const Ensemble data = planned ? about(call.inputs, [&] { return experiments(system, *planned, call.options); })

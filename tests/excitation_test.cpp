@@ -135,7 +135,7 @@ TEST(Excitation, FeedbackOfTheSameStepIsSeen) {
   const Texts found = in_words(excitation(fed, {.lags = 2, .noisy = true}).findings);
   ASSERT_EQ(found.size(), 1u);
   EXPECT_NE(
-      found.front().find("(u1(k) - 0.5 y1(k) + y2(k) is zero) in every experiment at steps 3–19: it is a feedback"),
+      found.front().find("(u1(k) - 0.5 y1(k) + y2(k) is zero) in every experiment at steps 3–19. It is a feedback"),
       std::string::npos)
       << found.front();
 }

@@ -271,7 +271,7 @@ def test_report(files, tool):
     verdict = model.report(fresh, path=files / "python.html", horizon=4, model_name="model.npz", data_name="noisy.npz")
     assert same_bytes(files / "tool.html", files / "python.html")
     for words in (verdict.trust, verdict.summary, *verdict.reasons):
-        assert words in told
+        assert words in " ".join(told.split())  # the tool breaks lines
 
 
 def test_stream(files, tool):

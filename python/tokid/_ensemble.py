@@ -219,7 +219,8 @@ class Ensemble(Channels):
             resample_method=resample_method,
             longest_gap=longest_gap,
         )
-        paths = [path] if isinstance(path, (str, bytes, os.PathLike)) else list(path)
+        several = isinstance(path, Iterable) and not isinstance(path, (str, bytes, os.PathLike))
+        paths = list(path) if several else [path]
         with ExitStack() as stack:
             files = [stack.enter_context(reading(one)) for one in paths]
             core = _tokid.load_ensemble(files, options)

@@ -155,7 +155,7 @@ std::vector<Column> columns_of(const Cells& titles, const Cells& units, const st
                                char separator) {
   std::vector<Column> columns(titles.size());
   for (size_t c = 0; c < titles.size(); ++c) {
-    columns[c].title = stripped(titles[c]);
+    columns[c].title = titles[c];
     columns[c].label = label_from(titles[c]);
     if (c >= units.size() || !columns[c].label.unit.empty()) continue;
     const Label unit = label_from("x " + units[c]);  // without brackets
