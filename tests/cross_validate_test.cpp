@@ -88,7 +88,7 @@ TEST(CrossValidate, ExperimentsAreNamedAsInTheWholeEnsemble) {
     if (text.find("begins at step") != std::string::npos) {
       ++count;
       EXPECT_EQ(
-          text.find("cross-validation: experiment \"10\" (row 9) begins at step 10, when experiment \"5\" (row 4) "
+          text.find("cross-validation: experiment \"10\" (row 9) begins at step 10, after experiment \"5\" (row 4) "
                     "has ended at step 8"),
           0u)
           << text;
