@@ -46,7 +46,7 @@ def read(tokid, path):
     if result.returncode == 0:
         content = out.read_bytes()
         out.unlink()
-        return None if f"'{path}' does not match its line" in result.stderr else content
+        return None if f"'{path}' does not match its line" in unwrapped(result.stderr) else content
     assert result.returncode == 2 and len(unwrapped(result.stderr).splitlines()) == 1, result.stderr
     assert path.name in result.stderr
     return None
