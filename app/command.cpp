@@ -2,6 +2,8 @@
 #include "command.hpp"
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
+#include <string_view>
 
 namespace tokid::app {
 
@@ -10,6 +12,21 @@ namespace {
 CLI::Option* described(CLI::Option* option, const char* type) {
   const bool argument = option->get_lnames().empty() && option->get_snames().empty();
   return option->required(argument)->type_name(type);
+}
+
+Choices<DateOrder> date_orders() {
+  return {{"day-first", DateOrder::day_first}, {"month-first", DateOrder::month_first}};
+}
+
+Choices<ResampleMethod> resample_methods() {
+  return {{"linear", ResampleMethod::linear}, {"previous", ResampleMethod::previous}, {"mean", ResampleMethod::mean}};
+}
+
+// \pre one of the choices has this value
+template <class T>
+std::string word_for(const Choices<T>& choices, T value) {
+  return std::find_if(choices.begin(), choices.end(), [value](const auto& choice) { return choice.second == value; })
+      ->first;
 }
 
 }  // namespace
@@ -43,6 +60,48 @@ void Command::argument(const char* name, std::vector<fs::path>& files, const cha
 fs::path shown(const std::vector<fs::path>& paths) {
   if (paths.size() == 1) return paths.front();
   return fmt::format("{} and {} more", paths.front().string(), paths.size() - 1);
+}
+
+std::string word(const std::string& text) {
+  const bool plain = !text.empty() && std::all_of(text.begin(), text.end(), [](char c) {
+    return std::string_view(" \t\n\"'\\$`!*?[]{}()<>|&;#~").find(c) == std::string_view::npos;
+  });
+  if (plain) return text;
+  std::string quoted = "'";
+  for (const char c : text) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return quoted + "'";
+}
+
+std::string words_of(const std::vector<fs::path>& paths) {
+  std::vector<std::string> words;
+  for (const fs::path& path : paths) words.push_back(word(path.string()));
+  return fmt::format("{}", fmt::join(words, " "));
+}
+
+std::string words_of(const ReadOptions& options) {
+  const ReadOptions defaults;
+  // All fields, so that a new one is an error here. outputs_required and wanted have no option.
+  const auto& [inputs, outputs, outputs_required, wanted, time, missing, dates, trigger, before, resample,
+               resample_method, longest_gap] = options;
+  std::string text;
+  const auto add = [&text](const char* name, const std::string& value) {
+    text += fmt::format(" {} {}", name, word(value));
+  };
+  const auto add_list = [&add](const char* name, const std::vector<std::string>& list) {
+    if (!list.empty()) add(name, fmt::format("{}", fmt::join(list, ",")));
+  };
+  add_list("--inputs", inputs);
+  add_list("--outputs", outputs);
+  if (!time.empty()) add("--time", time);
+  add_list("--missing", missing);
+  if (dates != defaults.dates) add("--dates", word_for(date_orders(), dates));
+  if (!trigger.empty()) add("--trigger", trigger);
+  if (before != defaults.before) add("--before", fmt::format("{}", before));
+  if (resample) add("--resample", fmt::format("{}", *resample));
+  if (resample_method != defaults.resample_method)
+    add("--resample-method", word_for(resample_methods(), resample_method));
+  if (longest_gap != defaults.longest_gap) add("--longest-gap", fmt::format("{}", longest_gap));
+  return text;
 }
 
 void Command::data(const char* name, std::vector<fs::path>& paths, fs::path& shown, const char* description) {
@@ -87,7 +146,7 @@ void Command::columns(ReadOptions& options) {
       [&options](const std::string& name) { return !(options.time = name).empty(); }, "the name of a column needed");
   add("--missing", options.missing, "WORD,...", word,
       "Words in a .csv that stand for a missing sample, besides Bad, ---, NaN, null and others");
-  choice("--dates", options.dates, {{"day-first", DateOrder::day_first}, {"month-first", DateOrder::month_first}},
+  choice("--dates", options.dates, date_orders(),
          "Order of the numbers in dates of a .csv such as 03/04/2026 (default: as its dates show)");
   text(
       "--trigger", "CONDITION",
@@ -103,8 +162,7 @@ void Command::columns(ReadOptions& options) {
   value("--resample", options.resample, "SECONDS",
         "Sample time of a common grid on which the samples of a .csv are brought", seconds,
         "a positive sample time in seconds needed");
-  choice("--resample-method", options.resample_method,
-         {{"linear", ResampleMethod::linear}, {"previous", ResampleMethod::previous}, {"mean", ResampleMethod::mean}},
+  choice("--resample-method", options.resample_method, resample_methods(),
          "How they are brought there (default linear)");
   number("--longest-gap", options.longest_gap, "STEPS", "Longest gap that resampling fills (default 3)", Index{1},
          Index{1'000'000'000});

@@ -38,8 +38,15 @@ std::vector<std::string> split_at_commas(const std::string& text);
 // "0,20,50"; empty if the text is not such a list
 std::optional<std::vector<Index>> parse_steps(const std::string& text);
 
-// How reports name the paths of data: "run1.csv and 24 more".
+// How reports name the paths of data: "run1.csv and 24 more". This name is no path; see words_of().
 fs::path shown(const std::vector<fs::path>& paths);
+
+// A word of a command, in quotation marks if the shell needs them.
+std::string word(const std::string& text);
+// Words of a command that make it read the same data: the paths, and the options of Command::columns() that differ from
+// their defaults. The options begin with a space; they are empty if none differs.
+std::string words_of(const std::vector<fs::path>& paths);
+std::string words_of(const ReadOptions& options);
 
 template <class T>
 using Choices = std::vector<std::pair<std::string, T>>;

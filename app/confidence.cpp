@@ -11,7 +11,8 @@ namespace tokid::app {
 namespace {
 
 struct Call {
-  fs::path model, data, output;
+  std::vector<fs::path> paths;
+  fs::path model, data, output;  // `data`: how reports name the paths
   ReadOptions read;
   ConfidenceOptions options;
   Index replicates = 0;    // of the bootstrap; 0: default
@@ -168,7 +169,7 @@ Json json(const Call& call, const Model& model, const Confidence& c) {
   };
   Json j;
   j["model"] = call.model.string();
-  j["data"] = call.data.string();
+  j["data"] = json_of(call.paths);
   j["method"] = to_string(c.method);
   j["level"] = c.level;
   j["experiments"] = c.experiments;
@@ -199,9 +200,11 @@ Json json(const Call& call, const Model& model, const Confidence& c) {
 }
 
 void run(const Call& call) {
-  check_output(call.output, Content::bounds, {call.model, call.data});
+  std::vector<fs::path> kept = call.paths;
+  kept.push_back(call.model);
+  check_output(call.output, Content::bounds, kept);
   const Model model = load_model(call.model);
-  const Ensemble data = load_data(model, call.data, call.read);
+  const Ensemble data = load_data(model, call.paths, call.read);
   Confidence result = [&] {
     ProgressBar bar(true);
     ConfidenceOptions options = call.options;
@@ -233,7 +236,9 @@ void add_confidence(CLI::App& tool) {
   Command command(tool, "confidence", "Confidence bounds of a model, its outputs and eigenvalues",
                   "tokid confidence model.npz data.npz -o bounds.npz --level 0.99");
   command.argument("MODEL", call->model, "Model that tokid identified: .npz, .h5 or .mat");
-  command.argument("DATA", call->data, "The whole ensemble of its identification: .npz, .h5, .mat or .csv");
+  command.data("DATA", call->paths, call->data,
+               "The whole ensemble of its identification: .npz, .h5, .mat or .csv; or many .csv: files, a folder, "
+               "a pattern");
   command.output(call->output, "Bounds to write: .npz, .h5 or .mat");
   command.columns(call->read);
   command.number<double>("--level", o.level, "P", "Probability that an interval holds the truth (default 0.95)", 1e-6,

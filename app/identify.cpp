@@ -147,9 +147,8 @@ struct Judgement {
 
 // This command with its options, and more options.
 std::string command_with(const Call& call, const std::string& more) {
-  std::string text = fmt::format("tokid identify {} -o {}", word(call.data.string()), word(call.model.string()));
-  if (!call.read.inputs.empty()) text += " --inputs " + word(fmt::format("{}", fmt::join(call.read.inputs, ",")));
-  if (!call.read.outputs.empty()) text += " --outputs " + word(fmt::format("{}", fmt::join(call.read.outputs, ",")));
+  std::string text =
+      fmt::format("tokid identify {} -o {}{}", words_of(call.paths), word(call.model.string()), words_of(call.read));
   for (const Option& option : option_table()) {
     const Json value = option.write(call.options);
     if (value == option.write(IdentifyOptions{})) continue;
@@ -166,12 +165,12 @@ std::string command_with(const Call& call, const std::string& more) {
 }
 
 NextStep after(const Call& call, const Data& data, const Identification& result, const Judgement& judgement) {
-  if (!judgement.verdict) return test_on_other_data(call.model, extension_of(call.data));
+  if (!judgement.verdict) return test_on_other_data(call.model, call.paths, call.read);
   constexpr Index enough = 8;  // fewer experiments make a model that says little about the one of all
   const Index remain = data.experiments - (data.experiments + 4) / 5;
   const bool can_hold_out = remain >= enough && (result.plan.coupled || remain >= result.min_experiments);
   return next_step(*judgement.verdict, result.findings,
-                   {call.model, call.data, !result.held_out, can_hold_out,
+                   {call.model, call.paths, call.read, !result.held_out, can_hold_out,
                     [&call](const std::string& more) { return command_with(call, more); }});
 }
 

@@ -29,10 +29,11 @@ void add_choice_table(const LikelihoodChoice& choice, Page& page) {
 }
 
 NextStep next_step(const Call& call, const Refinement& result) {
-  if (result.converged) return test_on_other_data(call.output, extension_of(call.data));
+  if (result.converged) return test_on_other_data(call.output, {call.data}, call.read);
   const std::string output = word(call.output.string());
-  return {"continue from here", fmt::format("tokid refine {} {} -o {} --iterations {}", output,
-                                            word(call.data.string()), output, 2 * result.iterations)};
+  return {"continue from here",
+          fmt::format("tokid refine {} {} -o {}{} --iterations {}", output, word(call.data.string()), output,
+                      words_of(call.read), 2 * result.iterations)};
 }
 
 std::string report(const Call& call, const Model& model, const Ensemble& data, const RefinedModel& outcome) {

@@ -10,7 +10,8 @@ namespace tokid::app {
 namespace {
 
 struct Call {
-  fs::path model, data, output, identified;
+  std::vector<fs::path> paths;
+  fs::path model, data, output, identified;  // `data`: how reports name the paths
   std::vector<fs::path> compare;
   ReadOptions read;
   ReportOptions options;
@@ -21,7 +22,7 @@ struct Call {
 void run(const Call& call) {
   check_output(call.output, Content::page);
   const Model model = load_model(call.model);
-  const Ensemble data = load_data(model, call.data, call.read);
+  const Ensemble data = load_data(model, call.paths, call.read);
   ReportOptions options = call.options;
   options.model_name = call.model.filename().string();
   options.data_name = call.data.filename().string();
@@ -64,7 +65,8 @@ void add_report(CLI::App& tool) {
   Command command(tool, "report", "A page (HTML) that shows whether a model can be trusted",
                   "tokid report model.npz fresh.npz -o page.html");
   command.argument("MODEL", call->model, "Model: .npz, .h5 or .mat");
-  command.argument("DATA", call->data, "Ensemble: .npz, .h5, .mat or .csv");
+  command.data("DATA", call->paths, call->data,
+               "Ensemble: .npz, .h5, .mat or .csv; or many .csv: files, a folder, a pattern");
   command.output(call->output, "Page to write: .html");
   command.columns(call->read);
   command.number<Index>("--horizon", call->options.horizon, "H", "Steps ahead of the multi-step fit (default 10)", 1,

@@ -121,7 +121,8 @@ void add_conclusion(const Call& call, const Model& model, const Ensemble& data, 
   options.horizon = std::max(options.horizon, call.options.horizon);
   const Verdict conclusion = about(call.data, [&] { return verdict(model, data, options); });
   add_verdict(conclusion, call.verbose, page);
-  const NextStep next = next_step(conclusion, findings, {call.model, call.data, has_seen(model.provenance, data)});
+  const NextStep next =
+      next_step(conclusion, findings, {call.model, call.paths, call.read, has_seen(model.provenance, data)});
   page.command("Next", next.purpose, next.command);
 }
 

@@ -52,22 +52,21 @@ NextStep plan_more(const std::string& purpose, const Tested& tested) {
   return {purpose, fmt::format("tokid plan --model {} -o inputs.npz", word(tested.model.string()))};
 }
 
+// "tokid NAME MODEL DATA -o OUTPUT", with the options that read the data.
+std::string on_same_data(const char* name, const Tested& tested, const char* output) {
+  return fmt::format("tokid {} {} {} -o {}{}", name, word(tested.model.string()), words_of(tested.data), output,
+                     words_of(tested.read));
+}
+
 NextStep on_page(const std::string& purpose, const Tested& tested) {
-  return {purpose,
-          fmt::format("tokid report {} {} -o report.html", word(tested.model.string()), word(tested.data.string()))};
+  return {purpose, on_same_data("report", tested, "report.html")};
+}
+
+std::string look_at(const Tested& tested) {
+  return fmt::format("tokid info {}{}", words_of(tested.data), words_of(tested.read));
 }
 
 }  // namespace
-
-std::string word(const std::string& text) {
-  const bool plain = !text.empty() && std::all_of(text.begin(), text.end(), [](char c) {
-    return std::string_view(" \t\n\"'\\$`!*?[]{}()<>|&;#~").find(c) == std::string_view::npos;
-  });
-  if (plain) return text;
-  std::string quoted = "'";
-  for (const char c : text) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
-  return quoted + "'";
-}
 
 void add_verdict(const Verdict& verdict, bool verbose, Page& page) {
   const std::string status = to_string(verdict.trust);
@@ -84,19 +83,18 @@ void add_verdict(const Verdict& verdict, bool verbose, Page& page) {
                        more == 0 ? "" : fmt::format(" ({} with --verbose)", plural(Index(more), "more reason"))));
 }
 
-NextStep test_on_other_data(const fs::path& model, const std::string& extension) {
+NextStep test_on_other_data(const fs::path& model, const std::vector<fs::path>& data, const ReadOptions& read) {
+  const bool tables = data.size() > 1 || fs::is_directory(data.front());  // only .csv files are read together
   return {"test the model on other experiments",
-          fmt::format("tokid validate {} fresh{}", word(model.string()), extension)};
+          fmt::format("tokid validate {} fresh{}{}", word(model.string()), tables ? ".csv" : extension_of(data.front()),
+                      words_of(read))};
 }
 
 NextStep next_step(const Verdict& verdict, const Findings& findings, const Tested& tested) {
-  const std::string extension = extension_of(tested.data);
   if (any_of(findings, faulty_data))
-    return {"correct the data as the warnings say; look at them again",
-            fmt::format("tokid info {}", word(tested.data.string()))};
+    return {"correct the data as the warnings say; look at them again", look_at(tested)};
   if (any_against(verdict, {"channels"}))
-    return {"compare the sample times, names and units of data and model",
-            fmt::format("tokid info {}", word(tested.data.string()))};
+    return {"compare the sample times, names and units of data and model", look_at(tested)};
   if (tested.identify && std::any_of(findings.begin(), findings.end(), used_outlier))
     return {"check the experiments that do not fit, or leave them out", tested.identify("--outliers drop")};
   if (any_of(findings, weak_inputs) || any_against(verdict, {"inputs", "rank"}))
@@ -106,11 +104,9 @@ NextStep next_step(const Verdict& verdict, const Findings& findings, const Teste
   if (tested.seen && tested.identify && tested.can_hold_out)
     return {"test the model on experiments that it has not seen", tested.identify("--hold-out 0.2")};
   if (tested.seen || any_against(verdict, {"experiments", "coverage"}))
-    return test_on_other_data(tested.model, extension);
+    return test_on_other_data(tested.model, tested.data, tested.read);
   if (verdict.trust != Trust::good) return on_page("see where and when the model fails", tested);
-  if (tested.identify)
-    return {"use the model; for error bounds", fmt::format("tokid confidence {} {} -o bounds.npz",
-                                                           word(tested.model.string()), word(tested.data.string()))};
+  if (tested.identify) return {"use the model; for error bounds", on_same_data("confidence", tested, "bounds.npz")};
   return on_page("use the model; for a page with the evidence", tested);
 }
 

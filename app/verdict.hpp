@@ -2,9 +2,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <string>
+#include <vector>
 
+#include "command.hpp"
 #include "common.hpp"
 
 namespace tokid::app {
@@ -19,7 +22,9 @@ void add_verdict(const Verdict& verdict, bool verbose, Page& page);
 
 // The model and the data of a verdict, and how they can be tested again.
 struct Tested {
-  fs::path model, data;
+  fs::path model;
+  std::vector<fs::path> data;
+  ReadOptions read;
   bool seen = false;          // true: the data that tested the model are those of its identification
   bool can_hold_out = false;  // true: enough experiments for the identification remain if a fifth is held out
   // The command that makes the model from the data, with other options; empty if this is not that command.
@@ -28,10 +33,7 @@ struct Tested {
 // The next step after a verdict. `findings` are the warnings that the user sees. \pre the verdict was made
 NextStep next_step(const Verdict& verdict, const Findings& findings, const Tested& tested);
 // The next step if there is no verdict, or one that the training data gave: a test with data that the model has not
-// seen.
-NextStep test_on_other_data(const fs::path& model, const std::string& extension);
-
-// A word of a command, in quotation marks if the shell needs them.
-std::string word(const std::string& text);
+// seen. They are read as the data of the command, so that the command needs the same options.
+NextStep test_on_other_data(const fs::path& model, const std::vector<fs::path>& data, const ReadOptions& read);
 
 }  // namespace tokid::app

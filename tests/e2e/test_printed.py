@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What the tool prints: short reports that end with a verdict and a next step, in lines of at most 100 columns."""
 
+import json
 import re
 import shlex
 
@@ -118,6 +119,64 @@ def test_the_next_step_keeps_the_options_of_the_call(tokid, folder):
                         ("--hold-out", "0.2")]:
         assert words[words.index(name) + 1] == value
     assert "--no-refine" in words
+
+
+@pytest.fixture(scope="module")
+def recordings(tokid, tmp_path_factory):
+    """Two .csv of the system of `folder`, with an event at step 3 of each experiment. The names need quotation marks."""
+    path = tmp_path_factory.mktemp("recordings")
+    for name, seed in [("run 1", 2), ("run 2", 3)]:
+        tokid("example", "oscillator", "-o", path / "data.npz", "--experiments", 30, "--seed", seed, "--steps", 40,
+              "--measurement-noise", 0.1, "--process-noise", 0.01)
+        with np.load(path / "data.npz") as file:
+            samples = np.concatenate([file["u"], file["y"]], axis=2)
+        lines = ["experiment,at [s],u1,u2,y1,y2,valve"]
+        for n, experiment in enumerate(samples.tolist()):
+            for k, row in enumerate(experiment):
+                cells = [repr(value) for value in row]
+                if (n, k) == (4, 20):
+                    cells[3] = "lost"
+                lines.append(",".join([str(n), repr(0.1 * k), *cells, str(int(k >= 3))]))
+        (path / f"{name}.csv").write_text("\n".join(lines) + "\n")
+    return path
+
+
+READING = {"--time": "at [s]", "--missing": "lost", "--trigger": "valve>0.5", "--before": "3", "--resample": "0.1",
+           "--resample-method": "previous", "--longest-gap": "2", "--dates": "day-first", "--inputs": "u1,u2",
+           "--outputs": "y1,y2"}
+READ = [word for pair in READING.items() for word in pair]
+
+
+def test_next_commands_read_the_same_data(tokid, recordings):
+    """Each command is the one that the report before it names."""
+    data = ["run 1.csv", "run 2.csv"]
+
+    def after(*call):
+        words = next_command(tokid(*call, cwd=recordings).stdout)
+        assert {option: words[words.index(option) + 1] for option in READING} == READING
+        return words
+
+    once_more = after("identify", *data, "-o", "model.npz", "--states", 4, "--no-refine", *READ)
+    assert once_more[:3] == ["identify", *data] and "--hold-out" in once_more
+    # The model has seen these data.
+    assert after("validate", "model.npz", *data, *READ)[:3] == ["validate", "model.npz", "fresh.csv"]
+    bounds = after(*once_more)
+    assert bounds[:4] == ["confidence", "model.npz", *data]
+    tokid(*bounds, "--replicates", 2, cwd=recordings)
+    page = after("validate", "model.npz", *data, *READ)
+    assert page[:4] == ["report", "model.npz", *data]
+    tokid(*page, cwd=recordings)
+
+
+def test_report_and_confidence_take_many_files(tokid, recordings):
+    data = ["run 1.csv", "run 2.csv"]
+    tokid("identify", *data, "-o", "other.npz", "--states", 4, "--no-refine", *READ, "--quiet", cwd=recordings)
+    for call in (["report", "other.npz", *data, "-o", "page.html"],
+                 ["confidence", "other.npz", *data, "-o", "bounds.npz", "--replicates", 2]):
+        found = tokid(*call, *READ, "--json", cwd=recordings).stdout
+        assert call[0] == "report" or json.loads(found)["data"] == data
+    message = tokid("confidence", "other.npz", *data, "-o", data[1], *READ, cwd=recordings, status=2).stderr
+    assert data[1] in message
 
 
 def test_one_verdict(tokid, folder):
