@@ -47,7 +47,7 @@ std::vector<Channel> channels(const Ensemble& e) {
   return result;
 }
 
-Json json(const Call& call, const Ensemble& e) {
+Json json(const Call& call, const Ensemble& e, const Findings& findings) {
   Json j;
   j["file"] = json_of(call.paths);
   j["kind"] = "ensemble";
@@ -74,7 +74,8 @@ Json json(const Call& call, const Ensemble& e) {
                              {"std", s.std},
                              {"min", s.min},
                              {"max", s.max}});
-  add_findings(j, remarks(e));
+  j["picture"] = call.page.empty() ? Json() : Json(call.page.string());
+  add_findings(j, findings);
   return j;
 }
 
@@ -107,7 +108,9 @@ std::string report(const Call& call, const Ensemble& e) {
     rows.push_back(
         {label, kind, fmt::format("{}", s.missing), number(s.mean), number(s.std), number(s.min), number(s.max)});
   page.table(rows);
-  return page.text() + picture(e, shows_blocks());
+  Page written;
+  if (!call.page.empty()) written.row("Written", call.page.string());
+  return page.text() + picture(e, shows_blocks()) + written.text();
 }
 
 // Models
@@ -307,25 +310,40 @@ std::string report(const Call& call, const Controller& c) {
   return page.text();
 }
 
-template <class Content>
-void show(const Call& call, const Content& content) {
+template <class Contained>
+void show(const Call& call, const Contained& contained) {
   if (call.json)
-    print(json(call, content));
+    print(json(call, contained));
   else
-    print(report(call, content));
+    print(report(call, contained));
+}
+
+// The options of ensembles have no effect on other files.
+void refuse_options_of_ensembles(const Call& call, const char* found) {
+  const std::string given =
+      words_of(call.read) + (call.page.empty() ? std::string() : " --picture " + word(call.page.string()));
+  if (!given.empty())
+    throw std::invalid_argument(
+        fmt::format("{}: {} found, an ensemble needed with the options{}", call.file.string(), found, given));
 }
 
 void run(const Call& call) {
-  if (!call.page.empty()) check_output(call.page, Content::page, call.paths);
   if (call.paths.size() == 1) {
     const FileKind kind = file_kind(call.file);
+    if (kind != FileKind::ensemble)
+      refuse_options_of_ensembles(call, kind == FileKind::model ? "a model" : "a controller");
     if (kind == FileKind::model) return show(call, load_model(call.file));
     if (kind == FileKind::controller) return show(call, load_controller(call.file));
   }
+  if (!call.page.empty()) check_output(call.page, Content::page, call.paths);
   const Ensemble data = load_ensemble(call.paths, call.read);
   if (!call.page.empty()) save_text(picture_page(data, call.file.string()), call.page);
-  show(call, data);
-  warn(remarks(data));
+  const Findings findings = remarks(data);
+  if (call.json)
+    print(json(call, data, findings));
+  else
+    print(report(call, data));
+  warn(findings);
 }
 
 }  // namespace

@@ -281,8 +281,22 @@ def test_picture(tokid, plant, tmp_path):
         drawn = next(line for line in lines if line.startswith("T [degC]"))
         assert block in drawn and max(map(len, lines)) <= 100
         assert any(line.startswith("  missing") for line in lines)
+        assert lines[-1].split() == ["Written", str(page)]
+    assert tokid.json("info", plant, *COLUMNS, "--picture", page)["picture"] == str(page)
+    assert tokid.json("info", plant, *COLUMNS)["picture"] is None
     text = page.read_text(encoding="utf-8")
     assert text.count("<svg") == 3 and "batch" not in text.split("<h1>")[0].replace("batches", "")
+
+
+def test_options_of_ensembles_are_refused_for_other_files(tokid, oscillator, tmp_path):
+    model, controller, page = oscillator / "model.npz", tmp_path / "c.npz", tmp_path / "picture.html"
+    tokid("lqr", model, "-o", controller)
+    for path, found in ((model, "a model"), (controller, "a controller")):
+        for options in (["--picture", str(page)], ["--inputs", "valve"], ["--resample", "0.1"], ["--dates", "day-first"]):
+            message = tokid("info", path, *options, status=2).stderr
+            assert f"{found} found, an ensemble needed with the options {' '.join(options)}" in message
+        assert not page.exists()
+        tokid("info", path)
 
 
 def test_odd_experiments_are_named(tokid, plant, tmp_path):
