@@ -60,6 +60,16 @@ void bind_observer(nb::module_& module) {
       .def("reset", &OnlineObserver::reset);
 }
 
+// The expected cost with the observer and the noise of this model, which may differ from those of the file that the
+// controller came from. Empty if the model has no noise, or if the controller does not belong to it.
+std::optional<ExpectedCost> cost_to_store(const Controller& controller, const Model& model) {
+  try {
+    return predicted_cost(controller, model);
+  } catch (const std::invalid_argument&) {
+    return std::nullopt;
+  }
+}
+
 void bind_controller(nb::module_& module) {
   nb::class_<ExpectedCost>(module, "ExpectedCost", "The parts of an expected cost.")
       .def_ro("outputs", &ExpectedCost::outputs)
@@ -89,7 +99,7 @@ void bind_controller(nb::module_& module) {
            [](const Lqr& lqr, const Model& model, const std::filesystem::path& path, bool mat73) {
              without_gil([&] {
                Controller saved = lqr.controller;
-               if (!saved.predicted) saved.predicted = predicted_cost(saved, model);
+               saved.predicted = cost_to_store(saved, model);
                save_controller(saved, path, {mat73});
                return 0;
              });

@@ -134,6 +134,23 @@ def test_files_of_controllers(system, extension, tmp_path):
         tokid.Controller.load(file, system)
 
 
+def test_files_have_the_cost_of_the_present_model(system, tmp_path):
+    file = tmp_path / "controller.npz"
+    controller = system.lqr(1.0, 0.1)
+    controller.save(file)
+    first = np.load(file)["expected_cost"]
+    matrices = [list(getattr(system, name)) for name in "ABCDG"]
+    noise = {name: [4 * covariance for covariance in getattr(system, name)] for name in "QR"}
+    noisier = tokid.Model.from_matrices(*matrices, dt=system.dt, **noise)
+    tokid.Controller.load(file, noisier).save(file)
+    # The same loop with covariances four times as large. Powers of two change no digit, but roots of covariances may.
+    assert np.load(file)["expected_cost"] == pytest.approx(4 * first, rel=1e-12)
+    quiet = tokid.Model.from_matrices(*matrices, dt=system.dt)
+    for model in (quiet, system.frame("smooth")):  # without noise, in other coordinates
+        tokid.Controller.load(file, model).save(tmp_path / "without.npz")
+        assert "expected_cost" not in np.load(tmp_path / "without.npz")
+
+
 def test_expected_cost_and_simulation(system):
     controller = system.lqr(1.0, 0.1, input_rate_weight=0.1)
     cost = controller.expected_cost()

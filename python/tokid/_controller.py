@@ -64,6 +64,8 @@ class Controller:
     def save(self, path: PathLike, *, mat73: bool = False) -> None:
         """Write the controller to .npz, .h5 or .mat. The file appears as a whole or not at all.
 
+        It also stores the cost that LQG predicts with `model`, if this model has noise and the cost is finite.
+
         Parameters
         ----------
         path : path

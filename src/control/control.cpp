@@ -259,9 +259,11 @@ InitialMoments initial_moments(const Model& truth) {
   return {truth.x0_mean, *factor};
 }
 
-// E[(rows·z)ᵀ · weight · (rows·z)] for E[z zᵀ] = moments.
+// E[(rows·z)ᵀ · weight · (rows·z)] for E[z zᵀ] = moments. Weight and moments are positive semidefinite, so a negative
+// sum is rounding of zero. NaN remains.
 double weighted(const Matrix& weight, const Matrix& rows, const Matrix& moments) {
-  return (weight * rows * moments).cwiseProduct(rows).sum();
+  const double sum = (weight * rows * moments).cwiseProduct(rows).sum();
+  return sum < 0 ? 0.0 : sum;
 }
 
 // The second moments of z_k = [1; x_k; x̂_k; δu_{k-1}], with x_k of the true system and x̂_k of the observer.

@@ -30,6 +30,49 @@ const Names& controller_names() {
   return names;
 }
 
+bool is_finite(const ExpectedCost& cost) {
+  return std::isfinite(cost.outputs) && std::isfinite(cost.inputs) && std::isfinite(cost.input_rates) &&
+         std::isfinite(cost.measurement_noise);
+}
+
+// Refuses what controller_of() refuses.
+void check_to_write(const Controller& c) {
+  c.check();
+  if (c.begin < 0) throw std::invalid_argument(fmt::format("controller: begin {} found, 0 or more needed", c.begin));
+  if (!(c.dt > 0)) throw std::invalid_argument(fmt::format("controller: dt {} found, a positive number needed", c.dt));
+  const auto check_matrix = [](const char* name, const Matrix& matrix) {
+    if (!matrix.allFinite())
+      throw std::invalid_argument(
+          fmt::format("controller: a number that is not finite found in its {}, finite ones needed", name));
+  };
+  const auto check_weights = [&](const char* name, const std::vector<Matrix>& weights, Index channels) {
+    if (weights.size() > 1 && Index(weights.size()) != c.steps())
+      throw std::invalid_argument(
+          fmt::format("controller: {} matrices found as {}, none, one or {} needed", weights.size(), name, c.steps()));
+    for (const Matrix& matrix : weights) {
+      if (matrix.rows() != channels || matrix.cols() != channels)
+        throw std::invalid_argument(fmt::format("controller: {} x {} found as {}, {} x {} needed", matrix.rows(),
+                                                matrix.cols(), name, channels, channels));
+      check_matrix(name, matrix);
+    }
+  };
+  for (const Matrix& gain : c.K) check_matrix("gains", gain);
+  for (const Matrix& gain : c.L) check_matrix("gains", gain);
+  check_matrix("feedforward", c.feedforward);
+  for (const Matrix* nominal : {&c.u_nominal, &c.y_nominal}) check_matrix("nominal trajectory", *nominal);
+  for (const Matrix* reference : {&c.u_reference, &c.y_reference}) check_matrix("reference", *reference);
+  check_weights("output weights", c.weights.output, c.outputs);
+  check_weights("input weights", c.weights.input, c.u_nominal.cols());
+  check_weights("input-rate weights", c.weights.input_rate, c.u_nominal.cols());
+  if (c.weights.terminal.size() > 0) check_weights("terminal weight", {c.weights.terminal}, c.outputs);
+  if (!c.predicted) return;
+  const ExpectedCost& cost = *c.predicted;
+  for (const double part : {cost.outputs, cost.inputs, cost.input_rates, cost.measurement_noise})
+    if (part < 0)
+      throw std::invalid_argument(
+          fmt::format("controller: an expected cost of {} found, numbers from 0 on needed", part));
+}
+
 // The matrices side by side, each padded with zeros to rows × columns.
 Array stack_of(const std::vector<Matrix>& matrices, Index rows, Index columns, Layout layout) {
   Array array{{matrices.size(), size(rows), size(columns)}, {}};
@@ -64,7 +107,7 @@ Arrays arrays_of(const Controller& c, Layout layout) {
   arrays.emplace_back("dt", scalar(c.dt));
   arrays.emplace_back("system", scalar(fmt::format("{:016x}", c.system)));
   if (!c.model_name.empty()) arrays.emplace_back("model", scalar(c.model_name));
-  if (c.predicted) {
+  if (c.predicted && is_finite(*c.predicted)) {
     const ExpectedCost& cost = *c.predicted;
     arrays.emplace_back("expected_cost",
                         Array{{4}, std::vector{cost.outputs, cost.inputs, cost.input_rates, cost.measurement_noise}});
@@ -164,7 +207,7 @@ Controller controller_of(const Fields& fields) {
 }  // namespace
 
 void save_controller(const Controller& controller, const std::filesystem::path& path, const WriteOptions& options) {
-  controller.check();
+  check_to_write(controller);
   save_arrays(path, options, [&](Layout layout) { return arrays_of(controller, layout); });
 }
 
