@@ -72,13 +72,23 @@ Vector limits_of(const char* option, const Weights& limits, Index inputs) {
   return limits.empty() ? Vector() : Vector(diagonal(option, limits, inputs).diagonal());
 }
 
-ClosedLoopSimulation simulate(const Call& call, const Controller& controller, const Model& model) {
+// Differences of sample time, names and units between the model and the simulated system.
+Findings differences_of_truth(const Model& model, const Model& truth) {
+  Ensemble channels(1, 1, truth.inputs, truth.outputs, truth.dt);
+  channels.dt_stated = truth.provenance.dt_stated;
+  channels.names = truth.names;
+  Findings found = differences(model, channels);
+  for (Finding& finding : found) finding.detail = "truth";
+  return found;
+}
+
+ClosedLoopSimulation simulate(const Call& call, const Controller& controller, const Model& model,
+                              const std::optional<Model>& truth) {
   SimulateControlOptions options = call.simulation;
   options.u_min = limits_of("--u-min", call.lower, model.inputs);
   options.u_max = limits_of("--u-max", call.upper, model.inputs);
-  if (call.truth.empty()) return about(call.model, [&] { return simulate_control(controller, model, model, options); });
-  const Model truth = load_model(call.truth);
-  return about(call.truth, [&] { return simulate_control(controller, model, truth, options); });
+  if (!truth) return about(call.model, [&] { return simulate_control(controller, model, model, options); });
+  return about(call.truth, [&] { return simulate_control(controller, model, *truth, options); });
 }
 
 struct MeanCost {
@@ -156,13 +166,16 @@ void run(const Call& call) {
   if (!call.reference.empty()) wanted = load_reference(model, call.reference, {});
   const Controller controller = design(call, model, weights, wanted);
   const std::optional<ExpectedCost> nominal = about(call.model, [&] { return nominal_cost(controller, model); });
+  std::optional<Model> truth;
+  if (!call.truth.empty()) truth = load_model(call.truth);
   std::optional<ClosedLoopSimulation> loop;
   if (!call.simulated.empty()) {
-    loop = simulate(call, controller, model);
+    loop = simulate(call, controller, model, truth);
     save_ensemble(loop->data, call.simulated);
   }
   save_controller(controller, call.output);
-  const Findings findings = wanted ? differences(model, *wanted) : Findings();
+  Findings findings = wanted ? differences(model, *wanted) : Findings();
+  if (truth) append(findings, differences_of_truth(model, *truth));
   if (call.json)
     print(json(call, controller, nominal, loop, findings));
   else

@@ -223,10 +223,13 @@ std::string known(const Finding& f) {
                      found == 1 ? "It is" : "They are");
 }
 
+// What differs from the model: the data, or what `detail` names.
+std::string compared(const Finding& f) { return f.detail.empty() ? "data" : f.detail; }
+
 std::string names_differ(const Finding& f, const char* side) {
   std::vector<std::string> found;
   for (const Channel& c : f.channels) found.push_back(c.name);
-  return fmt::format("the data's {} are named {}, the model's {}", side, fmt::join(found, ", "),
+  return fmt::format("the {}'s {} are named {}, the model's {}", compared(f), side, fmt::join(found, ", "),
                      fmt::join(f.names, ", "));
 }
 
@@ -624,8 +627,8 @@ constexpr Entry table[] = {
      [](const Finding& f) { return fmt::format("output {} is constant in the new experiments", channel(f)); }},
     {Kind::sample_time_differs, "sample_time_differs", warning,
      [](const Finding& f) {
-       return fmt::format("the data's dt = {:.6g} s differs from the model's dt = {:.6g} s{}", number(f, "data"),
-                          number(f, "model"),
+       return fmt::format("the {}'s dt = {:.6g} s differs from the model's dt = {:.6g} s{}", compared(f),
+                          number(f, "data"), number(f, "model"),
                           is(f, "stated") ? "" : ", which was identified from data without a sample time");
      }},
     {Kind::input_names_differ, "input_names_differ", warning,
@@ -634,7 +637,7 @@ constexpr Entry table[] = {
      [](const Finding& f) { return names_differ(f, "outputs"); }},
     {Kind::units_differ, "units_differ", warning,
      [](const Finding& f) {
-       return fmt::format("the data's {} is in {}, the model's in {}: tokid does not convert units",
+       return fmt::format("the {}'s {} is in {}, the model's in {}: tokid does not convert units", compared(f),
                           sides_and_names(f.channels), f.names[0], f.names[1]);
      }},
     {Kind::model_ends_early, "model_ends_early", warning,

@@ -138,6 +138,22 @@ def test_simulated_loop_follows_a_reference(tokid, folder):
     assert report["simulation"]["standard_error"] <= 1e-9 * cost and report["reference"] == str(folder / "wanted.npz")
 
 
+def test_differences_of_the_truth_are_reported(tokid, folder):
+    model = load(folder / "model.npz")
+    names = {"input_names": ["force", "torque"], "output_names": ["x", "angle"], "input_units": ["N", "N m"]}
+    np.savez(folder / "named.npz", **{**model, **names})
+    np.savez(folder / "differs.npz", **{**model, **names, "dt": 2 * model["dt"], "output_names": ["x", "phi"],
+                                        "input_units": ["kN", "N m"]})
+    call = ["lqr", folder / "named.npz", "-o", folder / "c.npz", "--simulate", folder / "loop.npz", "--truth"]
+    assert tokid.json(*call, folder / "named.npz")["findings"] == []
+    found = tokid.json(*call, folder / "differs.npz")
+    assert [(f["kind"], f["detail"]) for f in found["findings"]] == [
+        (kind, "truth") for kind in ("sample_time_differs", "output_names_differ", "units_differ")]
+    assert "the truth's outputs are named x, phi, the model's x, angle" in found["warnings"]
+    stderr = tokid(*call, folder / "differs.npz").stderr
+    assert "the truth's dt = " in stderr and "is in kN, the model's in N" in stderr
+
+
 def test_simulated_cost_is_that_expected(tokid, folder):
     call = ["lqr", folder / "model.npz", "-o", folder / "c.npz", "--simulate", folder / "loop.csv", "--experiments", 400]
     report = tokid.json(*call, "--seed", 5)
