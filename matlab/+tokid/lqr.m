@@ -7,9 +7,9 @@ function [controller, evidence, loop] = lqr(model, varargin)
 %
 % The law is u(k) = u_nominal(k) - controller_gain(k) x(k) - input_gain(k) (u(k-1) - u_nominal(k-1)). x(k) is the state
 % that the observer of the model predicts. The fields of the controller are those of the file of 'tokid lqr'
-% (docs/formats.md): controller_gain is r x n x S. The evidence has the expected cost. Weights are one number, or one
-% for each channel. loop is an ensemble: experiments of the closed loop with the observer, which the tool simulates. The
-% model may be the name of a file. Options:
+% (docs/formats.md): controller_gain is r x n x S. The field 'model' is there only if the model is the name of a file.
+% The evidence has the expected cost. Weights are one number, or one for each channel. loop is an ensemble: experiments
+% of the closed loop with the observer, which the tool simulates. The model may be the name of a file. Options:
 %   'output_weight', 'input_weight'   of squared outputs and inputs (default 1)
 %   'input_rate_weight'   of squared changes of the inputs from step to step (default none)
 %   'terminal_weight'     added to the weights of the outputs at the last step (default none)
@@ -51,6 +51,9 @@ end
 written = fullfile(folder, 'controller.mat');
 output = tokid.internal.call([{'lqr', file, '-o', written, '--json'}, words], folder, files);
 controller = tokid.internal.read_mat(written);
+if ~isempty(files) && strcmp(files{1, 1}, file) && isfield(controller, 'model')
+  controller = rmfield(controller, 'model'); % the name of a temporary file
+end
 evidence = tokid.internal.decode(output, folder);
 if nargout > 2
   loop = tokid.read(simulated);

@@ -1,14 +1,16 @@
-function report(page, model, varargin)
+function evidence = report(page, model, varargin)
 % TOKID.REPORT  A page (HTML) that shows whether a model can be trusted.
 %
 %   tokid.report('page.html', model, u, y)
-%   tokid.report('page.html', model, data, 'horizon', 10)
+%   evidence = tokid.report('page.html', model, data, 'horizon', 10)
 %   tokid.report('page.html', 'model.npz', 'fresh.npz', 'compare', {'first.npz', 'second.npz'})
 %
-% The page is one file that loads nothing; docs/tutorial.md shows what is on it. What can be said of data: see
-% tokid.ensemble. Options:
+% The page is one file that loads nothing; docs/tutorial.md shows what is on it. The evidence is what
+% 'tokid report --json' prints: trust, summary, reasons, checks and more (docs/formats.md). What can be said of data:
+% see tokid.ensemble. Options:
 %   'horizon'             steps ahead of the multi-step fit (default 10)
 %   'experiments'         experiments in the plots, at most (default 24)
+%   'at'                  steps of the responses (default steps at even distances): [0 20 50]
 %   'bands'               file of the experiments of the identification, for 95 % bands of the responses
 %   'compare'             another model, or a cell of several, to compare on the page: structs or names of files
 %   'inputs', 'outputs'   columns of a .csv
@@ -18,8 +20,8 @@ function report(page, model, varargin)
 % SPDX-License-Identifier: BSD-3-Clause
 
 tokid.internal.need(nargin, 'page', 'model');
-known = {'horizon', 'value'; 'experiments', 'value'; 'bands', 'file'; 'compare', 'own'; 'inputs', 'list'; ...
-         'outputs', 'list'};
+known = {'horizon', 'value'; 'experiments', 'value'; 'at', 'list'; 'bands', 'file'; 'compare', 'own'; ...
+         'inputs', 'list'; 'outputs', 'list'};
 [folder, clean] = tokid.internal.folder(); %#ok<ASGLU>
 [file, of_model] = tokid.internal.take_model(folder, model);
 [data, pairs, files] = tokid.internal.take_data(folder, true, varargin, model, {});
@@ -38,6 +40,9 @@ for i = 1:numel(others)
   words = [words, {'--compare', other}]; %#ok<AGROW>
   files = [files; of_other]; %#ok<AGROW>
 end
-tokid.internal.call([{'report', file, data, '-o', tokid.internal.file_name(page)}, words], folder, ...
-                    [of_model; files]);
+words = [{'report', file, data, '-o', tokid.internal.file_name(page), '--json'}, words];
+output = tokid.internal.call(words, folder, [of_model; files]);
+if nargout > 0
+  evidence = tokid.internal.decode(output, folder);
+end
 end

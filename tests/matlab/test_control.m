@@ -21,6 +21,9 @@ expected = by_tool('lqr', 'model.npz', '--output-weight', '3,2', '--input-weight
 assert(isequal(controller.controller_gain, expected.controller_gain));
 assert(isequal(size(controller.controller_gain, 3), 16) && controller.k_begin == 4);
 assert(evidence.begin == 4 && evidence.expected_cost.total > 0);
+assert(strcmp(expected.model, 'model.npz') && ~isfield(controller, 'model'));
+named = tokid.lqr('model.npz');
+assert(strcmp(named.model, 'model.npz'));
 throws('tokid:option', 'option ''weight'' found', @() tokid.lqr(model, 'weight', 1));
 throws('tokid:option', '3 numbers found', @() tokid.lqr(model, 'output_weight', [1 2 3]));
 end

@@ -131,6 +131,15 @@ whole = tokid.identify(data, 'lags', 2, 'states', 4);
 near(tokid.simulate(updated, data), tokid.simulate(whole, data), 1e-9);
 tokid.report('fresh.html', model, later, 'experiments', 3, 'horizon', 4);
 assert(~isempty(strfind(fileread('fresh.html'), '<html'))); %#ok<STREMP>
+found = tokid.report('fresh.html', model, later, 'at', [3 7]);
+tokid.write('model.npz', model);
+tokid.write('later.npz', later);
+[~, output] = system(['"', getenv('TOKID'), '" report model.npz later.npz -o p.html --at 3,7 --json 2> said.txt']);
+expected = jsondecode(output);
+assert(strcmp(found.trust, expected.trust) && strcmp(found.summary, expected.summary));
+assert(numel(found.checks) == numel(expected.checks) && iscell(found.reasons));
+assert(~isempty(strfind(fileread('fresh.html'), '"starts":[3,7]'))); %#ok<STREMP>
+throws('tokid:option', '--at', @() tokid.report('fresh.html', model, later, 'at', -1));
 tokid.write('other.npz', whole);
 tokid.report('fresh.html', model, later, 'compare', 'other.npz');
 assert(~isempty(strfind(fileread('fresh.html'), 'other.npz'))); %#ok<STREMP>
