@@ -108,6 +108,20 @@ std::string share_at_worst(const Widths& widths, Index j) {
   return steps.empty() ? "-" : fmt::format("{} at {}", share(widths.share[size_t(j)][size_t(steps[0])]), steps[0]);
 }
 
+void add_pulse_errors(const Model& model, const Confidence& c, Page& page) {
+  page.row("Pulse errors", fmt::format("relative errors of the pulse responses from noise: expected, {} % limit",
+                                       number(100 * c.level)));
+  const RelativeError error = relative_error(c.markov);
+  std::vector<std::vector<std::string>> rows{{"output"}};
+  for (Index i = 0; i < model.inputs; ++i) rows.front().push_back(input_label(model.names, i));
+  for (Index j = 0; j < model.outputs; ++j) {
+    rows.push_back({output_label(model.names, j)});
+    for (Index i = 0; i < model.inputs; ++i)
+      rows.back().push_back(fmt::format("{}, {}", share(error.expected(j, i)), share(error.limit(j, i))));
+  }
+  page.table(rows);
+}
+
 std::string report(const Call& call, const Model& model, const Ensemble& data, const Confidence& c) {
   Page page;
   page.row("Model", call.model.string());
@@ -137,16 +151,7 @@ std::string report(const Call& call, const Model& model, const Ensemble& data, c
     if (!predicted.share.empty()) rows.back().push_back(share(predicted.typical(j)));
   }
   page.table(rows);
-  page.row("Pulse errors", "relative errors of the pulse responses that noise causes: expected, and the limit");
-  const RelativeError error = relative_error(c.markov);
-  std::vector<std::vector<std::string>> pulses{{"output"}};
-  for (Index i = 0; i < model.inputs; ++i) pulses.front().push_back(input_label(model.names, i));
-  for (Index j = 0; j < model.outputs; ++j) {
-    pulses.push_back({output_label(model.names, j)});
-    for (Index i = 0; i < model.inputs; ++i)
-      pulses.back().push_back(fmt::format("{}, {}", share(error.expected(j, i)), share(error.limit(j, i))));
-  }
-  if (model.inputs > 0) page.table(pulses);
+  if (model.inputs > 0) add_pulse_errors(model, c, page);
   const Eigenvalues e = eigenvalues(c.spectrum);
   page.row("Eigenvalues",
            e.total == 0 ? "of the closed loop: no bounds"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "control_rows.hpp"
 
+#include <cmath>
+
 namespace tokid::app {
 
 namespace {
@@ -22,13 +24,23 @@ void add_weights_rows(Page& page, const CostWeights& weights) {
   page.row("Weights", fmt::format("outputs {}, inputs {}", in_words(weights.output), in_words(weights.input)));
   if (!weights.input_rate.empty()) page.row("", fmt::format("input rates {}", in_words(weights.input_rate)));
   if (weights.terminal.size() > 0)
-    page.row("", fmt::format("outputs of the last step {} more", in_words({weights.terminal})));
+    page.row("", fmt::format("last step: outputs {} in addition", in_words({weights.terminal})));
 }
 
-void add_cost_rows(Page& page, const ExpectedCost& cost, bool rates) {
-  page.row("Cost", fmt::format("{} expected with the observer: outputs {}, inputs {}{}", number(cost.total()),
-                               number(cost.outputs), number(cost.inputs),
-                               rates ? fmt::format(", input rates {}", number(cost.input_rates)) : ""));
+void add_cost_rows(Page& page, const ExpectedCost& cost, bool rates, const std::optional<ExpectedCost>& nominal) {
+  if (std::isfinite(cost.total()))
+    page.row("Cost", fmt::format("{} expected with the observer: outputs {}, inputs {}{}", number(cost.total()),
+                                 number(cost.outputs), number(cost.inputs),
+                                 rates ? fmt::format(", input rates {}", number(cost.input_rates)) : ""));
+  else
+    page.row("Cost",
+             "not finite with the observer: the expected motion of the closed loop exceeds the range of numbers. The "
+             "controller is written without its cost.");
+  // An overflow in the observer leaves the cost with the nominal inputs unknown.
+  if (nominal && std::isfinite(nominal->total()))
+    page.row("", fmt::format("{} with the nominal inputs alone", number(nominal->total())));
+  else if (nominal && std::isfinite(cost.total()))
+    page.row("", "not finite with the nominal inputs alone");
   if (cost.presumes_zero_state)
     page.row(
         "",

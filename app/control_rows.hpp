@@ -9,8 +9,8 @@
 namespace tokid::app {
 
 void add_weights_rows(Page& page, const CostWeights& weights);
-// `rates`: are there weights on input rates?
-void add_cost_rows(Page& page, const ExpectedCost& cost, bool rates);
+// `rates`: are there weights on input rates? `nominal`: the cost with the nominal inputs alone, if known.
+void add_cost_rows(Page& page, const ExpectedCost& cost, bool rates, const std::optional<ExpectedCost>& nominal);
 
 Json json_of(const ExpectedCost& cost);
 

@@ -304,7 +304,7 @@ std::string report(const Call& call, const Controller& c) {
   page.row("Reference",
            references.empty() ? "none: the nominal trajectory" : fmt::format("{}", fmt::join(references, " and ")));
   if (c.predicted)
-    add_cost_rows(page, *c.predicted, !c.weights.input_rate.empty());
+    add_cost_rows(page, *c.predicted, !c.weights.input_rate.empty(), std::nullopt);
   else
     page.row("Cost", "not stored");
   return page.text();

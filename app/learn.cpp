@@ -124,7 +124,8 @@ void add_learn(CLI::App& tool) {
   command.output(call->output, "Ensemble to write: the next run with its predicted outputs");
   command.number<Index>("--experiment", call->experiment, "ROW", "Row of the last run in RUN (default the last row)",
                         0);
-  add_weights(command, "--error-weight", call->errors, "Weights of squared errors, one or one for each (default 1)");
+  add_weights(command, "--error-weight", call->errors,
+              "Weights of squared errors, one for all outputs, or one for each (default 1)");
   add_weights(command, "--input-weight", call->inputs,
               "Weights of squared inputs, as departures from the nominal trajectory (default none)");
   add_weights(command, "--input-change-weight", call->changes,

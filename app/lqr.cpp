@@ -108,8 +108,7 @@ std::string report(const Call& call, const Model& model, const Controller& contr
   add_weights_rows(page, controller.weights);
   if (!call.reference.empty()) page.row("Reference", call.reference.string());
   if (controller.predicted) {
-    add_cost_rows(page, *controller.predicted, !call.rates.empty());
-    page.row("", fmt::format("{} with the nominal inputs alone", number(nominal->total())));
+    add_cost_rows(page, *controller.predicted, !call.rates.empty(), nominal);
   } else {
     page.row("Cost", "not known, because the model has no noise");
   }
@@ -192,8 +191,10 @@ void add_lqr(CLI::App& tool) {
                   "tokid lqr model.npz --output-weight 100,1 --input-weight 0.1 -o controller.h5");
   command.argument("MODEL", call->model, "Model: .npz, .h5 or .mat");
   command.output(call->output, "Controller to write: .npz, .h5 or .mat");
-  add_weights(command, "--output-weight", call->outputs, "Weights of squared outputs, one or one for each (default 1)");
-  add_weights(command, "--input-weight", call->inputs, "Weights of squared inputs, one or one for each (default 1)");
+  add_weights(command, "--output-weight", call->outputs,
+              "Weights of squared outputs, one for all outputs, or one for each (default 1)");
+  add_weights(command, "--input-weight", call->inputs,
+              "Weights of squared inputs, one for all inputs, or one for each (default 1)");
   add_weights(command, "--input-rate-weight", call->rates,
               "Weights of squared changes of the inputs from step to step (default none)");
   add_weights(command, "--terminal-weight", call->terminal,
@@ -210,8 +211,10 @@ void add_lqr(CLI::App& tool) {
   command.number<std::uint64_t>("--seed", call->simulation.seed, "S", "Seed of the simulated noise (default 1)", 0);
   command.flag(
       "--no-noise", [call] { call->simulation.noise = false; }, "Simulate without noise, from the mean initial state");
-  add_limits(command, "--u-min", call->lower, "Smallest simulated inputs, one or one for each (default none)");
-  add_limits(command, "--u-max", call->upper, "Largest simulated inputs, one or one for each (default none)");
+  add_limits(command, "--u-min", call->lower,
+             "Smallest simulated inputs, one for all inputs, or one for each (default none)");
+  add_limits(command, "--u-max", call->upper,
+             "Largest simulated inputs, one for all inputs, or one for each (default none)");
   for (const char* option : {"--truth", "--experiments", "--seed", "--no-noise", "--u-min", "--u-max"})
     command.needs(option, "--simulate");
   command.flag("--json", call->json, "Print one JSON object");

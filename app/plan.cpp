@@ -204,8 +204,8 @@ void add_plan(CLI::App& tool) {
                                                    {"multisine", InputKind::multisine},
                                                    {"optimised", InputKind::optimised}},
                  "Inputs (default optimised with --model, else orthogonal)");
-  command.value("--amplitude", o.amplitude, "A,...", "Limit of |u|, one or one for each input (default 1)", amplitudes,
-                "positive numbers needed, such as 2 or 0.5,2");
+  command.value("--amplitude", o.amplitude, "A,...", "Limit of |u|, one for all inputs, or one for each (default 1)",
+                amplitudes, "positive numbers needed, such as 2 or 0.5,2");
   command.value("--noise", o.noise, "SD:SD",
                 "Standard deviations of the noise on inputs and outputs (default: not known)", noise_level,
                 "two standard deviations needed, such as 0.01:0.1");

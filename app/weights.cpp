@@ -38,8 +38,8 @@ void add_limits(Command& command, const char* option, Weights& target, const cha
 Matrix diagonal(const char* option, const Weights& weights, Index channels) {
   if (weights.size() == 1) return weights[0] * Matrix::Identity(channels, channels);
   if (Index(weights.size()) != channels)
-    throw std::invalid_argument(fmt::format("{}: {} numbers found, one or one for each of {} channels needed", option,
-                                            weights.size(), channels));
+    throw std::invalid_argument(fmt::format("{}: {} numbers found, one for all channels, or one for each of {} needed",
+                                            option, weights.size(), channels));
   return Eigen::Map<const Vector>(weights.data(), channels).asDiagonal();
 }
 

@@ -9,7 +9,7 @@ function [data, evidence] = plan(varargin)
 %   'states', 'inputs', 'outputs', 'steps'   n, r, m, T; with a model: as it has
 %   'lags', 'experiments'                    p and N, or 'auto'
 %   'kind'           'orthogonal', 'gaussian', 'binary', 'multisine' or 'optimised'
-%   'amplitude'      limit of |u|, one or one for each input (default 1)
+%   'amplitude'      limit of |u|, one for all inputs, or one for each (default 1)
 %   'noise'          standard deviations of the noise on inputs and outputs: [0.1 0.2]
 %   'model'          a preliminary model, or the name of its file
 %   'initial_state'  'zero' or 'unknown'

@@ -98,6 +98,7 @@ def test_held_out_experiments_are_left_aside(tokid, tmp_path, noisy):
 def test_numbers_for_people(tokid, tmp_path, noisy):
     arguments = ["confidence", noisy / "model.npz", noisy / "data.npz", "-o", tmp_path / "bounds.npz"]
     shown = tokid(*arguments, "--level", 0.99).stdout
+    assert "relative errors of the pulse responses from noise: expected, 99 % limit" in shown
     for text in ("99 % for each value", f"from {N} experiments", "lag order 3", "y1", "y2", str(tmp_path / "bounds.npz")):
         assert text in shown
     narrow, wide = (tokid.json(*arguments, "--level", level)["markov_half_width"][0] for level in (0.5, 0.99))

@@ -101,7 +101,7 @@ def test_a_run_that_stopped_early(tokid, folder):
 
 @pytest.mark.parametrize("words, message", [
     (["--experiment", 3, "--input-weight", 1], "--experiment 3 found, 0 to 2 needed"),
-    (["--input-weight", "1,2,3"], "--input-weight: 3 numbers found, one or one for each of 2 channels needed"),
+    (["--input-weight", "1,2,3"], "--input-weight: 3 numbers found, one for all channels, or one for each of 2 needed"),
     (["--error-weight", "-1"], "numbers from 0 on needed"),
     ([], "no weight on inputs found; --input-weight, --input-change-weight or --input-rate-weight needed"),
 ])

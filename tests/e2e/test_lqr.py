@@ -84,7 +84,7 @@ def test_costs_of_unknown_initial_states(tokid, folder):
 
 
 @pytest.mark.parametrize("words, message", [
-    (["--output-weight", "1,2,3"], "--output-weight: 3 numbers found, one or one for each of 2 channels needed"),
+    (["--output-weight", "1,2,3"], "--output-weight: 3 numbers found, one for all channels, or one for each of 2 needed"),
     (["--output-weight", "-1"], "numbers from 0 on needed"),
     (["--input-weight", "0"], "input: the sum of all weights on inputs is singular at step"),
     (["--end", "31"], "which the model has")])
@@ -204,7 +204,7 @@ def test_info(tokid, folder):
     with h5py.File(folder / "seen.h5") as file:
         assert found["system"] == file["system"][()].decode()
     text = tokid("info", folder / "seen.h5").stdout
-    for part in ("model.npz, state dimensions", "outputs 2, 3, inputs 1", "input rates 0.5", "outputs of the last step 4 more",
+    for part in ("model.npz, state dimensions", "outputs 2, 3, inputs 1", "input rates 0.5", "last step: outputs 4 in addition",
                  "expected with the observer", "none: the nominal trajectory"):
         assert part in text
     without = {name: value for name, value in model.items() if name not in ("innovation_cov", "Q", "R", "K")}
@@ -212,6 +212,34 @@ def test_info(tokid, folder):
     tokid("lqr", folder / "quiet.npz", "-o", folder / "quiet.h5")
     assert tokid.json("info", folder / "quiet.h5")["expected_cost"] is None
     assert "not stored" in tokid("info", folder / "quiet.h5").stdout
+
+
+def test_costs_that_are_not_finite_are_not_stored(tokid, folder):
+    model = load(folder / "model.npz")
+    np.savez(folder / "wild.npz", **{**model, "G": np.full_like(model["G"], 1e160)})  # its square overflows
+    report = tokid.json("lqr", folder / "wild.npz", "-o", folder / "wild.h5")
+    assert report["expected_cost"]["total"] is None
+    text = tokid("lqr", folder / "wild.npz", "-o", folder / "wild.h5").stdout
+    assert "Cost           not finite with the observer" in text and "with the nominal inputs" not in text
+    assert tokid.json("info", folder / "wild.h5")["expected_cost"] is None
+
+
+@pytest.mark.parametrize("name,value", [("controller_gain", np.nan), ("expected_cost", -1.0), ("expected_cost", np.inf),
+                                        ("y_nominal", np.inf), ("output_weight", np.nan), ("dt", 0.0)])
+def test_files_with_wrong_numbers_are_refused(tokid, folder, name, value):
+    tokid("lqr", folder / "model.npz", "-o", folder / "right.npz")
+    arrays = dict(np.load(folder / "right.npz"))
+    np.savez(folder / "wrong.npz", **{**arrays, name: np.full_like(arrays[name], value)})
+    assert f"data set '{name}': " in tokid("info", folder / "wrong.npz", status=2).stderr
+
+
+def test_rows_of_costs(tokid, folder):
+    model = load(folder / "model.npz")
+    model.update(initial_state="unknown")
+    np.savez(folder / "unknown.npz", **{name: value for name, value in model.items() if not name.startswith("x0_")})
+    text = tokid("lqr", folder / "unknown.npz", "-o", folder / "unknown.h5").stdout
+    places = [text.index(part) for part in ("expected with the observer", "with the nominal inputs alone", "This presumes")]
+    assert places == sorted(places)
 
 
 def test_files_of_another_kind(tokid, folder):
