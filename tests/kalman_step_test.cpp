@@ -6,6 +6,7 @@
 #include <Eigen/LU>
 #include <cmath>
 
+#include "model/filter_step.hpp"
 #include "testing.hpp"
 #include "textbook.hpp"
 
@@ -195,6 +196,43 @@ TEST(KalmanStep, RootsKeepTheDigitsThatCovariancesLose) {
   // P falls by 16 orders of magnitude, its root by eight: errors of 1e-8 were found, and of 0.5 to 3 for covariances.
   EXPECT_LE(of_roots, 1e-6);
   EXPECT_GE(of_covariances, 100 * of_roots);
+}
+
+// Products of two such variances are subnormal, zero or infinite.
+TEST(NearlyEqual, CountsAnyDifferenceOutsideTheRangeOfProducts) {
+  const auto covariance = [](double variance) {
+    Matrix p(2, 2);
+    p << variance, 0.5 * variance, 0.5 * variance, variance;
+    return p;
+  };
+  const auto equal_with = [&](double variance, Index i, Index j, double difference) {
+    const Matrix b = covariance(variance);
+    Matrix a = b;
+    a(i, j) += difference;
+    EXPECT_NE(a, b);
+    return kalman::nearly_equal(a, b);
+  };
+  for (const double variance : {1e-150, 1.0, 1e150})
+    for (const Index j : {0, 1}) {
+      EXPECT_TRUE(kalman::nearly_equal(covariance(variance), covariance(variance)));
+      EXPECT_TRUE(equal_with(variance, 0, j, 5e-15 * variance)) << variance;
+      EXPECT_FALSE(equal_with(variance, 0, j, 2e-14 * variance)) << variance;
+    }
+  for (const double variance : {0.0, 1e-160, 1e160})
+    for (const Index j : {0, 1}) {
+      EXPECT_TRUE(kalman::nearly_equal(covariance(variance), covariance(variance)));
+      EXPECT_FALSE(equal_with(variance, 0, j, variance > 0 ? 5e-15 * variance : 1e-300)) << variance;
+    }
+  // One variance is large and one small, but their product is 1.
+  Matrix b(2, 2);
+  b << 1e160, 0.0, 0.0, 1e-160;
+  Matrix a = b;
+  a(1, 0) = 5e-15;
+  EXPECT_TRUE(kalman::nearly_equal(a, b));
+  a(1, 0) = 2e-14;
+  EXPECT_FALSE(kalman::nearly_equal(a, b));
+  a(1, 0) = nan;
+  EXPECT_FALSE(kalman::nearly_equal(a, b));
 }
 
 }  // namespace

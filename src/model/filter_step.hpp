@@ -36,7 +36,8 @@ class FilterCovariance {
   Workspace work_;
 };
 
-// Do covariances differ by at most 1e-14 in units of the standard deviations?
+// Do covariances differ by at most 1e-14 in units of the standard deviations? Any difference counts where the product
+// of the two variances is zero or outside the range of normal numbers.
 bool nearly_equal(const ConstMatrixRef& a, const ConstMatrixRef& b);
 
 // both = [a, these columns of b]
