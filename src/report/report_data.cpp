@@ -601,6 +601,8 @@ class Collector {
     json_["modes"] = nullptr;
     if (!plots_.modes) return;
     const Modes& found = *plots_.modes;
+    for (Index i = 0; i < compared_models(); ++i)
+      modes_of_compared_.push_back(modes_of_page(options_.compare[size_t(i)].model));
     const Matrix frequency = natural_frequencies(found), damping = damping_ratios(found);
     const Index count = std::min(found.count(), most_modes);
     if (count < found.count()) omit("Of {} modes the slowest {} are drawn.", found.count(), count);
@@ -627,26 +629,27 @@ class Collector {
   // The valid modes of the other models at the same steps.
   Json modes_of_others(const Grid& grid) const {
     Json others = Json::array();
-    for (size_t i = 0; i < std::min(options_.compare.size(), size_t(most_compared_models)); ++i) {
-      Json list = Json::array();
-      const std::optional<Modes> found = modes_of_page(options_.compare[i].model);
-      for (Index mode = 0; found && mode < std::min(found->count(), most_modes); ++mode) {
-        const auto part = [&](const Matrix& values) {
-          return curve(grid, [&](Index step) {
-            const Index k = step - found->begin;
-            const bool shown =
-                k >= 0 && k < found->steps() && found->valid(k, mode) && !(found->poles(k, mode).imag() < 0);
-            return shown ? values(k, mode) : nan;
-          });
-        };
-        Json frequency = part(natural_frequencies(*found));
-        if (std::all_of(frequency.begin(), frequency.end(), [](const Json& value) { return value.is_null(); }))
-          continue;
-        list.push_back({{"frequency", std::move(frequency)}, {"damping", part(damping_ratios(*found))}});
-      }
-      others.push_back(std::move(list));
-    }
+    for (size_t i = 0; i < modes_of_compared_.size(); ++i)
+      others.push_back(modes_of_compared_[i] ? drawn_modes(options_.compare[i].model, *modes_of_compared_[i], grid)
+                                             : Json::array());
     return others;
+  }
+
+  Json drawn_modes(const Model& model, const Modes& found, const Grid& grid) const {
+    Json list = Json::array();
+    const Matrix frequencies = natural_frequencies(found), dampings = damping_ratios(found);
+    for (Index mode = 0; mode < std::min(found.count(), most_modes); ++mode) {
+      const auto part = [&](const Matrix& values) {
+        return curve(grid, [&](Index step) {
+          const Index k = row_of(model, found, step);
+          return k >= 0 && found.leads(k, mode) && found.valid(k, mode) ? values(k, mode) : nan;
+        });
+      };
+      Json frequency = part(frequencies);
+      if (std::all_of(frequency.begin(), frequency.end(), [](const Json& value) { return value.is_null(); })) continue;
+      list.push_back({{"frequency", std::move(frequency)}, {"damping", part(dampings)}});
+    }
+    return list;
   }
 
   // Magnitude and phase [degrees] of the frozen frequency responses, also of the other models.
@@ -662,8 +665,9 @@ class Collector {
     const Index inputs = std::min(model_.inputs, most_response_channels);
     const auto lists = [&](const std::vector<Matrix>& all) { return response_lists(all, outputs, inputs); };
     Json others = Json::array();
-    for (size_t i = 0; i < std::min(options_.compare.size(), size_t(most_compared_models)); ++i) {
-      FrozenCurves theirs = frozen_curves(frozen_responses_of(options_.compare[i].model, found, model_.dt));
+    for (size_t i = 0; i < modes_of_compared_.size(); ++i) {
+      FrozenCurves theirs =
+          frozen_curves(frozen_responses_of(options_.compare[i].model, modes_of_compared_[i], found, model_.dt));
       for (size_t s = 0; s < theirs.phase.size(); ++s) begin_near(theirs.phase[s], own.phase[s]);
       others.push_back({{"magnitude", lists(theirs.magnitude)}, {"phase", lists(degrees(std::move(theirs.phase)))}});
     }
@@ -774,6 +778,8 @@ class Collector {
   const ModelComparison& comparison_;
   const ReportOptions& options_;
   Plots plots_;
+  // modes_of_page() of each other model in the plots; no elements if the model itself has no modes
+  std::vector<std::optional<Modes>> modes_of_compared_;
   Json json_;
 };
 

@@ -107,14 +107,13 @@ std::optional<Modes> modes_of_page(const Model& model) {
   return modes(model, options);
 }
 
-namespace {
-
-// The row of step k in the modes; -1 if they do not have it. A periodic model goes on.
-Index row_of(const Model& model, const Modes& found, Index k) {
-  const Index row = k - found.begin;
-  if (row >= 0 && goes_on(model)) return row % found.steps();
-  return row < found.steps() ? row : -1;
+Index row_of(const Model& model, const Modes& modes, Index k) {
+  const Index row = k - modes.begin;
+  if (row >= 0 && goes_on(model)) return row % modes.steps();
+  return row >= 0 && row < modes.steps() ? row : -1;
 }
+
+namespace {
 
 bool all_valid(const Modes& found, Index row) { return row >= 0 && found.valid.row(row).all(); }
 
@@ -155,17 +154,15 @@ FrozenResponses frozen_responses(const Model& model, const Modes& found, const s
   return result;
 }
 
-std::vector<std::vector<Eigen::MatrixXcd>> frozen_responses_of(const Model& other, const FrozenResponses& own,
-                                                               double dt) {
+std::vector<std::vector<Eigen::MatrixXcd>> frozen_responses_of(const Model& other, const std::optional<Modes>& modes,
+                                                               const FrozenResponses& own, double dt) {
   std::vector<std::vector<Eigen::MatrixXcd>> result(own.steps.size());
-  if (own.steps.empty()) return result;
-  const std::optional<Modes> found = modes_of_page(other);
-  if (!found) return result;
-  const modes_of::Frozen frozen(other, found->window);
+  if (own.steps.empty() || !modes) return result;
+  const modes_of::Frozen frozen(other, modes->window);
   for (size_t s = 0; s < own.steps.size(); ++s) {
-    const Index row = row_of(other, *found, own.steps[s]);
-    if (!all_valid(*found, row)) continue;
-    if (const Step system = frozen.whole(found->begin + row); system.states() > 0)
+    const Index row = row_of(other, *modes, own.steps[s]);
+    if (!all_valid(*modes, row)) continue;
+    if (const Step system = frozen.whole(modes->begin + row); system.states() > 0)
       result[s] = frequency_response(system, dt, own.frequencies);
   }
   return result;

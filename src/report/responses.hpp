@@ -38,10 +38,10 @@ struct FrozenResponses {
   std::vector<Index> left_out;                          // steps of `at` without a response: a mode is not valid there
 };
 FrozenResponses frozen_responses(const Model& model, const Modes& modes, const std::vector<Index>& at = {});
-// The responses of another model at the steps and frequencies of `own`. Without frequencies at a step at which not all
-// of its modes are valid.
-std::vector<std::vector<Eigen::MatrixXcd>> frozen_responses_of(const Model& other, const FrozenResponses& own,
-                                                               double dt);
+// The responses of another model with these modes at the steps and frequencies of `own`. Without frequencies at a step
+// at which not all of its modes are valid.
+std::vector<std::vector<Eigen::MatrixXcd>> frozen_responses_of(const Model& other, const std::optional<Modes>& modes,
+                                                               const FrozenResponses& own, double dt);
 
 // Magnitude and phase [rad] of frozen responses: (K) of (F × m·r), column j + m·i for output j and input i. The phase
 // has no jumps of 2π over the frequency. Empty matrices for a step without a response.
@@ -52,5 +52,7 @@ FrozenCurves frozen_curves(const std::vector<std::vector<Eigen::MatrixXcd>>& res
 
 // The modes of a page, with the options of the frozen responses; empty if the model has no states, or too few steps.
 std::optional<Modes> modes_of_page(const Model& model);
+// The row of step k in the modes of a model; -1 if they do not have it. A periodic model goes on.
+Index row_of(const Model& model, const Modes& modes, Index k);
 
 }  // namespace tokid::report

@@ -620,6 +620,29 @@ def test_bands_of_frozen_responses(tokid, tmp_path):
                                frequencies[0][number(modes["poles_imag"])[0] >= 0], rtol=5.1e-6)
 
 
+def test_modes_of_periodic_models_are_drawn_at_all_steps(tokid, tmp_path):
+    slow_system(tmp_path, tokid)
+    tokid("identify", tmp_path / "data.npz", "-o", tmp_path / "varying.npz", "--states", 3, "--no-refine",
+          "--smoothing", 100)
+    page = tmp_path / "page.html"
+    tokid("report", tmp_path / "varying.npz", tmp_path / "fresh.npz", "-o", page, "--compare", tmp_path / "model.npz",
+          tmp_path / "varying.npz")
+    own = data_of(page)["modes"]
+    periodic, itself = own["others"]
+    modes = tokid.json("modes", tmp_path / "model.npz")  # of a period of one step
+    imaginary = number(modes["poles_imag"])
+    leads = (imaginary >= 0) & np.array(modes["valid"])
+    frequencies = np.hypot(number(modes["poles_real"]), imaginary)[leads]
+    assert imaginary.shape[0] == 1 and len(periodic) == len(frequencies) > 0
+    for mode, frequency in zip(periodic, frequencies):
+        expected = np.full(len(own["x"]), frequency)
+        np.testing.assert_allclose(number(mode["frequency"]), expected, rtol=5.1e-6)  # six digits
+    assert len(own["x"]) > 30
+    # The model beside itself has the same curves.
+    assert [mode["frequency"] for mode in itself] == [mode["frequency"] for mode in own["modes"]
+                                                      if any(value is not None for value in mode["frequency"])]
+
+
 def test_models_are_compared_over_the_same_samples(tokid, oscillator, tmp_path):
     """A model that begins later, and one with another number of states."""
     noise = ["--steps", 40, "--process-noise", 0.05, "--measurement-noise", 0.1]
