@@ -7,6 +7,7 @@
 #include "base/words.hpp"
 #include "command.hpp"
 #include "common.hpp"
+#include "report/validated.hpp"
 #include "report/verdict_json.hpp"
 #include "verdict.hpp"
 
@@ -71,27 +72,15 @@ void add_cross_validation(const Call& call, const Model& model, const CrossValid
 
 constexpr Index listed_experiments = 5;
 
-// The fits of the experiments without copies and dependent experiments, as pages have them.
-struct DistinctFits {
-  ExperimentFits fits;
-  std::vector<Index> rows;  // of the data
-};
-DistinctFits distinct_fits(const Call& call, const Model& model, const Ensemble& data) {
-  const UsedExperiments used = used_experiments(data);
-  return {used.all(data) ? experiment_fits(model, data, call.options)
-                         : experiment_fits(model, data.subset(used.rows()), call.options),
-          used.rows()};
-}
-
-// The worst experiments, with the output whose one-step error is largest beside those of the other experiments.
-void add_experiments(const Model& model, const Ensemble& data, const DistinctFits& found, Page& page) {
+// The worst experiments, with the output that has the largest part of the error.
+void add_experiments(const Model& model, const Ensemble& data, const report::Validated& found, Page& page) {
   const ExperimentFits& fits = found.fits;
   if (fits.experiments() < 2) return;
   std::vector<std::vector<std::string>> rows{{"experiment", "output", "simulation", "one step", "error / limit"}};
   for (const Index n : fits.worst_first) {
-    Index j = 0;
-    const Vector over = fits.over_median.row(n).array().isNaN().select(-1.0, fits.over_median.row(n));
-    if (!(over.maxCoeff(&j) >= 0) || Index(rows.size()) > listed_experiments) break;
+    if (Index(rows.size()) > listed_experiments) break;
+    if (!fits.worst_output[size_t(n)]) continue;
+    const Index j = *fits.worst_output[size_t(n)];
     rows.push_back({data.experiment_label(found.rows[size_t(n)]), output_label(model.names, j),
                     percent(fits.simulation_fit(n, j)), percent(fits.one_step_fit(n, j)),
                     fmt::format("{:.2f}{}", fits.excess(n), fits.outlying(n) ? ", outlying" : "")});
@@ -99,14 +88,19 @@ void add_experiments(const Model& model, const Ensemble& data, const DistinctFit
   if (rows.size() > 1) page.table("Worst", rows);
 }
 
-// The RMS errors, the worst experiments and the tests of the innovations.
-void add_details(const Call& call, const Model& model, const Ensemble& data, const Validation& v, Page& page) {
+bool any_outlying(const ExperimentFits& fits) { return (fits.excess.array() > 1).any(); }
+
+// The first steps of the fits and the RMS errors.
+void add_errors(const Call& call, const Model& model, const Validation& v, Page& page) {
   page.row("Compared", v.first_simulated == v.first_predicted
                            ? fmt::format("from step {} on", v.first_predicted)
                            : fmt::format("simulations from step {} on, predictions from step {} on", v.first_simulated,
                                          v.first_predicted));
   add_table(call, model, v, &Fit::rmse, number, "RMS error", page);
-  if (v.noisy) add_experiments(model, data, distinct_fits(call, model, data), page);
+}
+
+// The tests of the innovations.
+void add_tests(const Model& model, const Validation& v, Page& page) {
   const Conclusions found = conclusions(v, model.names);
   page.row("Innovations", in_words(found.nis));
   page.row("Whiteness", in_words(found.whiteness));
@@ -115,28 +109,22 @@ void add_details(const Call& call, const Model& model, const Ensemble& data, con
   page.row("Feedback", in_words(found.feedback));
 }
 
-void add_conclusion(const Call& call, const Model& model, const Ensemble& data, const Findings& findings, Page& page) {
-  ReportOptions options;
-  options.findings = findings;
-  options.horizon = std::max(options.horizon, call.options.horizon);
-  const Verdict conclusion = about(call.data, [&] { return verdict(model, data, options); });
-  add_verdict(conclusion, call.verbose, page);
-  const NextStep next =
-      next_step(conclusion, findings, {call.model, call.paths, call.read, has_seen(model.provenance, data)});
-  page.command("Next", next.purpose, next.command);
-}
-
-std::string report(const Call& call, const Model& model, const Ensemble& data, const Validation& v,
+std::string report(const Call& call, const Model& model, const Ensemble& data, const report::Validated& found,
                    const std::optional<CrossValidation>& cross) {
+  const Validation& v = found.validation;
   Page page;
   page.row("Model", call.model.string());
   page.row("", describe(model));
   page.row("Data", call.data.string());
   page.row("", describe(data));
   add_table(call, model, v, &Fit::fit, percent, "Fit", page);
-  if (call.verbose) add_details(call, model, data, v, page);
+  if (call.verbose) add_errors(call, model, v, page);
+  if (any_outlying(found.fits) || (call.verbose && v.noisy)) add_experiments(model, data, found, page);
+  if (call.verbose) add_tests(model, v, page);
   if (cross) add_cross_validation(call, model, *cross, page);
-  add_conclusion(call, model, data, v.findings, page);
+  add_verdict(found.verdict, call.verbose, page);
+  const NextStep next = next_step(found.verdict, v.findings, {call.model, call.paths, call.read, found.seen});
+  page.command("Next", next.purpose, next.command);
   return page.text();
 }
 
@@ -179,7 +167,7 @@ Json counts(const ExperimentFits::Counts& samples, Index n) {
   return list;
 }
 
-Json json(const Ensemble& data, const DistinctFits& found) {
+Json json(const Ensemble& data, const report::Validated& found) {
   const ExperimentFits& fits = found.fits;
   Json list = Json::array();
   for (const Index n : fits.worst_first) {
@@ -196,13 +184,15 @@ Json json(const Ensemble& data, const DistinctFits& found) {
                     {"simulation_error", fits.simulation_error(n)},
                     {"one_step_error", fits.one_step_error(n)},
                     {"excess", fits.excess(n)},
+                    {"worst_output", fits.worst_output[size_t(n)] ? Json(*fits.worst_output[size_t(n)]) : Json()},
                     {"outlying", fits.outlying(n)}});
   }
   return list;
 }
 
-Json json(const Call& call, const Model& model, const Ensemble& data, const Validation& v,
+Json json(const Call& call, const Model& model, const Ensemble& data, const report::Validated& validated,
           const std::optional<CrossValidation>& cross) {
+  const Validation& v = validated.validation;
   Json j;
   j["model"] = call.model.string();
   j["data"] = json_of(call.paths);
@@ -221,9 +211,9 @@ Json json(const Call& call, const Model& model, const Ensemble& data, const Vali
       {"simulation", v.simulation.samples}, {"one_step", v.one_step.samples}, {"horizon", v.horizon.samples}};
   j["first_predicted"] = v.first_predicted;
   j["first_simulated"] = v.first_simulated;
-  const DistinctFits fits = distinct_fits(call, model, data);
-  j["experiment_limits"] = {{"simulation", fits.fits.simulation_limit}, {"one_step", fits.fits.one_step_limit}};
-  j["worst_experiments_first"] = json(data, fits);
+  j["experiment_limits"] = {{"simulation", validated.fits.simulation_limit},
+                            {"one_step", validated.fits.one_step_limit}};
+  j["worst_experiments_first"] = json(data, validated);
   j["nis"] = v.squares.ratio;
   j["nis_p"] = v.squares.p;
   j["nis_presumes_normal"] = std::isnan(v.squares.p) ? Json() : Json(v.squares.normal);
@@ -256,21 +246,25 @@ CrossValidation cross_validation(const Call& call, const Model& model, const Ens
 void run(const Call& call) {
   const Model model = load_model(call.model);
   const Ensemble data = load_data(model, call.paths, call.read);
-  Validation result = about(call.data, [&] { return validate_distinct(model, data, call.options); });
+  ReportOptions options;
+  options.horizon = std::max(options.horizon, call.options.horizon);
+  options.first_step = call.options.first_step;
+  report::Validated result =
+      about(call.data, [&] { return report::validated(model, data, call.options.horizon, options); });
   Findings findings = remarks(model, data);
-  append(findings, std::move(result.findings));
+  append(findings, std::move(result.validation.findings));
   append(findings, differences(model, data));
   std::optional<CrossValidation> cross;
   if (call.folds > 0) {
     cross = cross_validation(call, model, data);
     append(findings, tokid::remarks(*cross));
   }
-  result.findings = std::move(findings);
+  result.validation.findings = std::move(findings);
   if (call.json)
     print(json(call, model, data, result, cross));
   else
     print(report(call, model, data, result, cross));
-  warn(result.findings);
+  warn(result.validation.findings);
 }
 
 }  // namespace

@@ -12,7 +12,10 @@
 #include "report/page.hpp"
 #include "report/report_data.hpp"
 #include "report/responses.hpp"
+#include "report/validated.hpp"
+#include "report/verdict_json.hpp"
 #include "testing.hpp"
+#include "tokid/dependence.hpp"
 #include "tokid/example.hpp"
 #include "tokid/identify.hpp"
 
@@ -838,6 +841,93 @@ TEST(Verdict, HasTheFiguresOfPredictionsThatDecide) {
       EXPECT_EQ(in_words(input).needed, "0.5 or more");
       EXPECT_EQ(input.result, ratio < 0.5 ? Trust::look_closer : Trust::good);
     }
+}
+
+// A model that is wrong before the first step of the fits has the fits of the right one.
+TEST(Verdict, ItsFitsBeginAtTheGivenStep) {
+  Model model = oscillator(40);
+  for (Step& step : model.step) step.G().setZero();
+  Model off = model;
+  for (Index k = 0; k < 20; ++k) off.at(k).C() *= 2, off.at(k).D() *= 2;
+  const Ensemble data = noisy(20, 2);
+  ReportOptions late;
+  late.first_step = 20;
+  for (const char* name : {"one_step_fit", "simulation_fit"}) {
+    const std::string expected = in_words(check_of(verdict(model, data, late), name)).found;
+    EXPECT_EQ(in_words(check_of(verdict(off, data, late), name)).found, expected);
+    EXPECT_NE(in_words(check_of(verdict(off, data), name)).found, expected);
+  }
+  EXPECT_TRUE(contains(report_page(model, data, late).html, "The fits begin at step 20."));
+  late.compare = {{"other", off}};
+  EXPECT_EQ(report::compare_models(model, data, report::tested(model, data, late)).from, 20);
+  late.first_step = 40;
+  EXPECT_TRUE(contains(message([&] { verdict(model, data, late); }), "first_step: 40 found, 0 to 39 needed"));
+}
+
+// The errors of the simulation grow over the steps, so that late steps have larger ones, also with an exact model.
+TEST(Verdict, PredictionsThatDecideBeginAtTheGivenStep) {
+  Model model = constant_system({1, 1, 1}, 50, 0.98, 1);
+  for (Step& step : model.step) step.A()(0, 0) = 0.98, step.B()(0, 0) = 0.1, step.C()(0, 0) = 1.0, step.D()(0, 0) = 0.0;
+  const ExperimentOptions options{.experiments = 12, .seed = 1, .process_noise = 0.5, .measurement_noise = 0.02};
+  model = with_noise(model, options);
+  const Ensemble data = experiments(model, options);
+  ReportOptions late;
+  late.first_step = 25;
+  const report::DecidingHorizon all = report::evidence(model, report::tested(model, data, {})).deciding,
+                                found = report::evidence(model, report::tested(model, data, late)).deciding;
+  ASSERT_GT(found.steps, 0);
+  const Fit expected = fit(data, predict(model, data, {found.steps, std::nullopt}).y, model.y_nominal,
+                           late.first_step + found.steps - 1);
+  EXPECT_EQ(found.fit.samples, expected.samples);
+  EXPECT_EQ(found.fit.fit, expected.fit);
+  EXPECT_LT(found.expected_simulation(0), all.expected_simulation(0));
+}
+
+// One comparison gives what the functions of validation and verdict give. Experiment 7 is a copy of experiment 4, and
+// experiment 11 an outlier. The verdicts are on all experiments, on held-out ones, and on those without the outlier.
+TEST(Validated, IsTheValidationAndTheVerdict) {
+  Ensemble data = noisy(60, 3), fresh = noisy(20, 4);
+  for (Ensemble* one : {&data, &fresh})
+    for (Index k = 0; k < 40; ++k) {
+      one->output(k).row(11) *= -1;
+      const Vector u = one->input(k).row(4), y = one->output(k).row(4);
+      one->input(k).row(7) = u.transpose();
+      one->output(k).row(7) = y.transpose();
+    }
+  for (Index k = 0; k < 40; ++k) fresh.y(9, 20, 0) = 40.0;  // one outlying sample, after a row that is left out
+  IdentifyOptions all{.states = 4, .method = Method::tvera}, held_out = all, without = all;
+  held_out.hold_out = 0.25;
+  without.outliers = OutlierChoice::drop;
+  for (const IdentifyOptions& options : {all, held_out, without}) {
+    const Model model = identify(data, options).model;
+    for (const Ensemble* tested : {&data, &fresh})
+      for (const Index horizon : {1, 4, 12}) {
+        ReportOptions asked;
+        asked.horizon = std::max(asked.horizon, horizon);
+        asked.first_step = 5;
+        const report::Validated found = report::validated(model, *tested, horizon, asked);
+        const Validation expected = validate_distinct(model, *tested, {.horizon = horizon, .first_step = 5});
+        const Verdict v = verdict(model, *tested, asked);
+        EXPECT_EQ(found.verdict.summary, v.summary);
+        EXPECT_EQ(found.verdict.reasons, v.reasons);
+        EXPECT_EQ(json_of(found.verdict.checks).dump(), json_of(v.checks).dump());
+        EXPECT_EQ(in_words(found.validation.findings), in_words(expected.findings));
+        EXPECT_EQ(found.seen, has_seen(model.provenance, *tested));
+        EXPECT_EQ(found.rows, used_experiments(*tested).rows());
+        EXPECT_EQ(found.rows.size() + 1, size_t(tested->experiments()));
+        EXPECT_EQ(found.fits.experiments(), Index(found.rows.size()));
+        for (const auto member : {&Validation::simulation, &Validation::one_step, &Validation::horizon})
+          for (Index j = 0; j < 2; ++j) {
+            const double fit = (expected.*member).fit(j);
+            // Both sum up fewer than 60 · 40 squares, in another order. The fit is 100 times a root of their quotient.
+            EXPECT_NEAR((found.validation.*member).fit(j), fit, 2400 * epsilon * (200 + std::abs(fit)));
+            EXPECT_EQ((found.validation.*member).samples, (expected.*member).samples);
+          }
+        ASSERT_EQ(found.validation.outlying.size(), expected.outlying.size());
+        for (size_t i = 0; i < expected.outlying.size(); ++i)
+          EXPECT_EQ(found.validation.outlying[i].experiment, expected.outlying[i].experiment);
+      }
+  }
 }
 
 TEST(Verdict, CountsOneExperimentAsHardlyATest) {

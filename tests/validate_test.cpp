@@ -206,6 +206,28 @@ TEST(ExperimentFits, MarkNoneOfTwoAndThoseThatOverflow) {
   for (Index n = 0; n < 6; ++n) EXPECT_EQ(found.outlying(n), n == 3) << n;
 }
 
+// An observer of output 0 that predicts the last sample. After a jump of experiment 3, one prediction of this output is
+// wrong, but the simulation of all later steps. Output 1 has errors in between.
+TEST(ExperimentFits, NameTheOutputOfTheErrorThatGivesTheExcess) {
+  Model system = constant_system({1, 1, 2}, 30, 1.0, 5);
+  for (Step& step : system.step) {
+    step.A()(0, 0) = 1.0, step.B()(0, 0) = 1.0, step.C() << 1.0, 0.0, step.D() << 0.0, 1.0, step.G() << -1.0, 0.0;
+  }
+  system.initial_state = InitialState::zero;
+  Ensemble data = with_noise(random_experiments(system, 9, 6), 0.01, 7);
+  data.initial_state = InitialState::zero;
+  for (Index k = 5; k < 30; ++k) data.y(3, k, 0) += 100;
+  for (Index k = 0; k < 30; ++k) data.y(3, k, 1) += k % 2 == 0 ? 30 : -30;
+  for (Index k = 0; k < 30; ++k) data.y(6, k, 1) *= -1;
+  for (Index k = 0; k < 30; ++k) data.y(8, k, 0) = data.y(8, k, 1) = nan;
+  const ExperimentFits found = experiment_fits(system, data);
+  EXPECT_GT(found.over_median(3, 1), found.over_median(3, 0));
+  EXPECT_EQ(found.excess(3), found.simulation_error(3) / found.simulation_limit);
+  EXPECT_EQ(found.worst_output[3], Index(0));
+  EXPECT_EQ(found.worst_output[6], Index(1));
+  EXPECT_EQ(found.worst_output[8], std::nullopt);
+}
+
 // Models that begin late or go on, and experiments of other lengths.
 TEST(ExperimentFits, CoverTheStepsThatAreThere) {
   Model period = random_system({2, 2, 1}, 6, 1.0, 5);

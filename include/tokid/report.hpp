@@ -59,6 +59,7 @@ struct ReportOptions {
   Index identified_from = 0;                       // number of experiments of the identification; 0: not known
   Findings findings = {};                          // findings of the identification and others for the page
   Index horizon = 10;                              // H of the H-step predictions and their fit
+  Index first_step = 0;                            // of the fits, as in ValidateOptions
   std::optional<InitialState> initial_state = {};  // as in PredictOptions
   Index experiments = 24;                          // most experiments in the plots; the fits use all of them
   Index points = 1200;                             // most points per curve: minimum and maximum of each stretch

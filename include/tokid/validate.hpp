@@ -3,6 +3,8 @@
 #pragma once
 
 #include <limits>
+#include <optional>
+#include <vector>
 
 #include "tokid/conclusion.hpp"
 #include "tokid/innovations.hpp"
@@ -84,6 +86,8 @@ struct ExperimentFits {
   double one_step_limit = std::numeric_limits<double>::quiet_NaN();
   Vector excess;                   // (N) the larger one of both errors over their limits
   std::vector<Index> worst_first;  // the rows in falling order of `excess`; those without one come last
+  // (N) the output with the largest part of the error that gives `excess`; without an error there is none
+  std::vector<std::optional<Index>> worst_output;
 
   Index experiments() const { return excess.size(); }
   // The errors of experiment n are much larger than the usual ones. Never true of fewer than three experiments.

@@ -267,7 +267,8 @@ nb::any object_of(const ExperimentFits& f) {
                                  {"one_step_limit", f.one_step_limit},
                                  {"excess", f.excess},
                                  {"outlying", array_as("bool", Vector((f.excess.array() > 1).cast<double>()))},
-                                 {"worst_first", f.worst_first}});
+                                 {"worst_first", f.worst_first},
+                                 {"worst_output", nb::object(nb::cast(f.worst_output))}});
 }
 
 nb::any object_of(const Validation& v, const Channels& names) {

@@ -281,6 +281,7 @@ def test_fits_of_experiments_and_steps(model, data):
     assert (fits.one_step_samples == data.y.shape[1] - 5).all()
     assert np.array_equal(fits.worst_first, np.argsort(-excess, kind="stable"))
     assert sorted(fits.worst_first) == list(range(len(data.y)))
+    assert len(fits.worst_output) == len(data.y) and set(fits.worst_output) <= set(range(data.y.shape[2]))
     late = model.validate(data, first_step=5)
     assert late.first_predicted == late.first_simulated == 5
     assert late.one_step.samples == len(data.y) * (data.y.shape[1] - 5)

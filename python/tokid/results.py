@@ -197,6 +197,8 @@ class ExperimentFits(_Result):
         Whether an error is above its limit. Never true of fewer than three experiments.
     worst_first : list of int
         The experiments in falling order of their excess.
+    worst_output : list of int or None, shape (N,)
+        The output with the largest part of the error that gives the excess. None: without an error.
     """
 
     simulation_fit: Array
@@ -213,6 +215,7 @@ class ExperimentFits(_Result):
     excess: Array
     outlying: Array
     worst_first: list[int]
+    worst_output: list[Optional[int]]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -15,8 +15,10 @@ struct Comparison {
   // The innovations that were tested, over their standard deviations. Empty if the data are free of noise.
   Innovations tested;
 };
-// \throws as validate(), which returns only the first field
+// The validation is that of validate_in_numbers(). \throws as validate()
 Comparison compare(const Model& model, const Ensemble& data, const ValidateOptions& options);
+// Validation::horizon alone: the fit of the predictions options.horizon steps ahead.
+Fit horizon_fit(const Model& model, const Ensemble& data, const ValidateOptions& options);
 
 // The fits of each experiment, from the innovations and the simulation of the model. Steps before first_step are not
 // compared. `model` must have all steps of the data that are compared (continued()).

@@ -82,7 +82,9 @@ ExperimentFits ExperimentErrors::fits() const {
   const bool departures = model_.y_nominal.rows() > 0;
   const Vector spread = output_spread(model_, data_);
   ExperimentFits result;
+  // Returns the parts (N × m) of the outputs in the squared error of each experiment.
   const auto set = [&](const Sums& sums, Matrix& fit, Matrix& rmse, ExperimentFits::Counts& samples, Vector& error) {
+    Matrix part(experiments, outputs);
     fit.resize(experiments, outputs);
     rmse.resize(experiments, outputs);
     samples.resize(experiments, outputs);
@@ -95,20 +97,31 @@ ExperimentFits ExperimentErrors::fits() const {
       for (Index j = 0; j < outputs; ++j) {
         const ErrorSums& sum = sums[size_t(n)][size_t(j)];
         samples(n, j) = sum.count;
-        squares += sum.error / (spread(j) * spread(j));
+        part(n, j) = sum.error / (spread(j) * spread(j));
+        squares += part(n, j);
       }
       error(n) = samples.row(n).sum() > 0 ? std::sqrt(squares / double(samples.row(n).sum())) : nan;
     }
+    return part;
   };
-  set(simulation_, result.simulation_fit, result.simulation_rmse, result.simulation_samples, result.simulation_error);
-  set(one_step_, result.one_step_fit, result.one_step_rmse, result.one_step_samples, result.one_step_error);
+  const Matrix simulated = set(simulation_, result.simulation_fit, result.simulation_rmse, result.simulation_samples,
+                               result.simulation_error);
+  const Matrix predicted =
+      set(one_step_, result.one_step_fit, result.one_step_rmse, result.one_step_samples, result.one_step_error);
   result.over_median = over_median(result.one_step_rmse);
   result.simulation_limit = limit_of(result.simulation_error);
   result.one_step_limit = limit_of(result.one_step_error);
   result.excess.resize(experiments);
-  for (Index n = 0; n < experiments; ++n)  // fmax leaves out NaN
-    result.excess(n) = std::fmax(result.simulation_error(n) / result.simulation_limit,
-                                 result.one_step_error(n) / result.one_step_limit);
+  result.worst_output.resize(size_t(experiments));
+  for (Index n = 0; n < experiments; ++n) {
+    const double of_simulation = result.simulation_error(n) / result.simulation_limit;
+    const double of_predictions = result.one_step_error(n) / result.one_step_limit;
+    result.excess(n) = std::fmax(of_simulation, of_predictions);  // leaves out NaN
+    if (std::isnan(result.excess(n))) continue;
+    Index worst = 0;
+    (of_simulation == result.excess(n) ? simulated : predicted).row(n).maxCoeff(&worst);
+    result.worst_output[size_t(n)] = worst;
+  }
   result.worst_first = by_falling_excess(result.excess);
   return result;
 }

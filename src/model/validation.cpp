@@ -55,9 +55,7 @@ Validation validation(const Model& model, const Ensemble& data, const ValidateOp
   Validation result;
   result.one_step = result.horizon = fit_of(errors.totals.one_step, departures);
   result.simulation = fit_of(errors.totals.simulation, departures);
-  if (options.horizon != 1)
-    result.horizon = fit(data, predict(model, data, {options.horizon, options.initial_state}).y, model.y_nominal,
-                         options.first_step);
+  if (options.horizon != 1) result.horizon = horizon_fit(model, data, options);
   result.first_predicted = errors.first_predicted.value_or(options.first_step);
   result.first_simulated = errors.first_simulated.value_or(data.steps() - 1);
   const Vector untested = Vector::Constant(model.inputs, nan);
@@ -113,6 +111,11 @@ void check_steps(const Model& model, const Ensemble& data, const ValidateOptions
   check_first_step(options.first_step, std::min(model.k_end(), data.steps()));
 }
 
+Fit horizon_fit(const Model& model, const Ensemble& data, const ValidateOptions& options) {
+  return fit(data, predict(model, data, {options.horizon, options.initial_state}).y, model.y_nominal,
+             options.first_step);
+}
+
 Comparison compare(const Model& model, const Ensemble& data, const ValidateOptions& options) {
   if (ends_early(model, data.steps())) return compare(continued(model, data.steps()), data, options);
   check_steps(model, data, options);
@@ -129,7 +132,6 @@ Comparison compare(const Model& model, const Ensemble& data, const ValidateOptio
   compared.validation = validation(
       model, data, options, errors, outlying,
       [&compared]() -> const Innovations& { return compared.prediction.innovations; }, &compared.tested);
-  name_outlying(compared.validation, data.names);
   compared.experiments =
       experiment_fits(model, data, compared.prediction.innovations, compared.simulated, options.first_step);
   return compared;

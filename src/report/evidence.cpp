@@ -187,17 +187,25 @@ Findings merged(Findings first, const Findings& second) {
 
 }  // namespace
 
+ValidateOptions validate_options(const Tested& tested) {
+  ValidateOptions options;
+  options.horizon = std::clamp<Index>(tested.options.horizon, 1, std::max<Index>(1, tested.data.steps() - 1));
+  options.initial_state = tested.options.initial_state;
+  options.first_step = tested.options.first_step;
+  return options;
+}
+
 Evidence evidence(const Model& model, const Tested& tested) {
+  return evidence(model, tested, compare(model, tested.data, validate_options(tested)));
+}
+
+Evidence evidence(const Model& model, const Tested& tested, Comparison compared) {
   const Ensemble& data = tested.data;
   const ReportOptions& options = tested.options;
   Evidence found;
-  found.horizon = std::clamp<Index>(options.horizon, 1, std::max<Index>(1, data.steps() - 1));
+  found.horizon = validate_options(tested).horizon;
   found.rows = tested.rows;
   found.experiment_names = tested.names;
-  ValidateOptions validate_options;
-  validate_options.horizon = found.horizon;
-  validate_options.initial_state = options.initial_state;
-  Comparison compared = compare(model, data, validate_options);
   found.names = model.names;
   const auto complete = [](std::vector<std::string>& names, const std::vector<std::string>& others) {
     if (names.empty()) names = others;
@@ -233,9 +241,11 @@ Evidence evidence(const Model& model, const Tested& tested) {
   for (Index j = 0; j < data.outputs(); ++j)
     if (std::find(found.constant_outputs.begin(), found.constant_outputs.end(), j) == found.constant_outputs.end())
       moving.push_back(j);
-  found.deciding = deciding_horizon(model, data, compared, options.initial_state, spread, moving, found.conclusions);
-  found.findings = merged(options.bands ? merged(options.findings, options.bands->findings) : options.findings,
-                          compared.validation.findings);
+  found.deciding = deciding_horizon(model, data, compared, options, spread, moving, found.conclusions);
+  Findings findings = compared.validation.findings;
+  append(findings, findings_of(tested.in_given_data(compared.validation.outlying), data.names));
+  found.findings =
+      merged(options.bands ? merged(options.findings, options.bands->findings) : options.findings, findings);
   if (!compared.tested.empty())
     found.input_correlation =
         input_correlation(compared.tested, data, -test_lags, test_lags, compared.validation.independence.over);

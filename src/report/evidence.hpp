@@ -63,7 +63,10 @@ struct Evidence {
   // Tested experiment n, in the form of words::experiment().
   std::string experiment(Index n) const { return words::experiment(rows[size_t(n)], experiment_names[size_t(n)]); }
 };
-// \throws as report_page
+// The options of the validation on which the evidence rests.
+ValidateOptions validate_options(const Tested& tested);
+// `compared`: compare(model, tested.data, validate_options(tested)). \throws as report_page
+Evidence evidence(const Model& model, const Tested& tested, Comparison compared);
 Evidence evidence(const Model& model, const Tested& tested);
 
 Verdict verdict_of(const Model& model, const Evidence& found, const ReportOptions& options);

@@ -34,10 +34,10 @@ Vector fits(const Vector& variance, const Vector& spread) {
   return 100 * (1 - variance.cwiseSqrt().array() / spread.array());
 }
 
-// Mean of the variances over the samples that are compared.
-Vector mean_variance(const Matrix& variances, const Ensemble& data, const Ensemble& computed) {
+// Mean of the variances over the samples that are compared, from a step on.
+Vector mean_variance(const Matrix& variances, const Ensemble& data, const Ensemble& computed, Index first_step) {
   Vector sum = Vector::Zero(data.outputs()), count = sum;
-  for (Index k = 0; k < data.steps(); ++k)
+  for (Index k = first_step; k < data.steps(); ++k)
     for (Index j = 0; j < data.outputs(); ++j) {
       if (std::isnan(variances(k, j))) continue;
       const auto both = !(data.output(k).col(j).array() - computed.output(k).col(j).array()).isNaN();
@@ -77,10 +77,10 @@ Vector forced_response(const Model& model, const Ensemble& data, Index begin, In
 }  // namespace
 
 DecidingHorizon deciding_horizon(const Model& model, const Ensemble& data, const Comparison& compared,
-                                 std::optional<InitialState> initial_state, const Vector& spread,
+                                 const ReportOptions& options, const Vector& spread,
                                  const std::vector<Index>& moving_outputs, const Conclusions& conclusions) {
   if (ends_early(model, data.steps()))
-    return deciding_horizon(continued(model, data.steps()), data, compared, initial_state, spread, moving_outputs,
+    return deciding_horizon(continued(model, data.steps()), data, compared, options, spread, moving_outputs,
                             conclusions);
   constexpr Index most_steps = 100;
   const Validation& v = compared.validation;
@@ -96,15 +96,15 @@ DecidingHorizon deciding_horizon(const Model& model, const Ensemble& data, const
   const bool simulates = good(v.simulation);
   if (simulates && good(v.one_step)) return result;
   const std::vector<Matrix> covariances = innovation_covariances(model, compared.prediction.innovations);
-  const InitialState initial = initial_state.value_or(data.initial_state.value_or(model.initial_state));
+  const InitialState initial = options.initial_state.value_or(data.initial_state.value_or(model.initial_state));
   // If the initial states are unknown, the observer estimates them from the first samples.
   Index begin = std::max(v.first_predicted, model.k_begin);
   if (!starts_from_zero(model, initial))
     begin = std::min(std::max(begin, model.k_begin + estimation_window(model)), end - 1);
   const Index horizons = std::max<Index>(1, std::min({most_steps, end - begin, data.steps() - 1}));
   const Matrix ahead = expected_prediction_errors(model, covariances, begin, end, horizons);
-  const Vector simulated =
-      mean_variance(expected_simulation_errors(model, covariances, initial, data.steps()), data, compared.simulated);
+  const Vector simulated = mean_variance(expected_simulation_errors(model, covariances, initial, data.steps()), data,
+                                         compared.simulated, options.first_step);
   result.expected_one_step = fits(ahead.row(0).transpose(), spread);
   result.expected_simulation = result.expected = fits(simulated, spread);
 
@@ -122,7 +122,8 @@ DecidingHorizon deciding_horizon(const Model& model, const Ensemble& data, const
   result.steps = 1;
   while (result.steps < horizons && well(ahead.row(result.steps).transpose())) ++result.steps;
   result.expected = fits(ahead.row(result.steps - 1).transpose(), spread);
-  Ensemble computed = result.steps == 1 ? compared.prediction.y : predict(model, data, {result.steps, initial_state}).y;
+  Ensemble computed =
+      result.steps == 1 ? compared.prediction.y : predict(model, data, {result.steps, options.initial_state}).y;
   for (Index k = 0; k < std::min(data.steps(), begin + result.steps - 1); ++k) computed.output(k).setConstant(nan);
   result.fit = fit(data, computed, model.y_nominal);
   const Vector forced = forced_response(model, data, begin, end, result.steps);

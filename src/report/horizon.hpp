@@ -3,6 +3,7 @@
 #pragma once
 
 #include "model/comparison.hpp"
+#include "tokid/report.hpp"
 
 namespace tokid::report {
 
@@ -20,9 +21,10 @@ struct DecidingHorizon {
   double inputs =
       0.0;  // RMS of the effect of the inputs within the horizon over that of the errors, largest over the outputs
 };
-// `spread` (m): RMS of the outputs about their nominal trajectory or mean. `moving_outputs`: the outputs that move.
+// `options` have the initial state and the first step of the comparison. `spread` (m): RMS of the outputs about their
+// nominal trajectory or mean. `moving_outputs`: the outputs that move.
 DecidingHorizon deciding_horizon(const Model& model, const Ensemble& data, const Comparison& compared,
-                                 std::optional<InitialState> initial_state, const Vector& spread,
+                                 const ReportOptions& options, const Vector& spread,
                                  const std::vector<Index>& moving_outputs, const Conclusions& conclusions);
 
 }  // namespace tokid::report

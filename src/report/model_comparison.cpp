@@ -95,6 +95,7 @@ ModelComparison compare_models(const Model& model, const Ensemble& whole, const 
   if (options.compare.empty()) return result;
   const Ensemble& data = tested.data;
   result.horizon = std::clamp<Index>(options.horizon, 1, std::max<Index>(1, data.steps() - 1));
+  result.from = options.first_step;
   std::vector<const Model*> models{&model};
   result.models.push_back({options.model_name.empty() ? "this model" : options.model_name,
                            model.states(),

@@ -336,6 +336,7 @@ class Report {
         "Simulation uses the inputs alone; predictions use the measured outputs up to the given number of "
         "steps before. 100 % means no error, 0 % means no better than ";
     text += model_.y_nominal.rows() > 0 ? "the nominal trajectory." : "the mean.";
+    if (options_.first_step > 0) text += fmt::format(" The fits begin at step {}.", options_.first_step);
     if (verdict_.horizon > 0)
       text += fmt::format(
           " The model is evaluated by predictions {} ahead: with the noise that it states, the simulation of an exact model "

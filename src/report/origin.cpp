@@ -5,15 +5,26 @@
 #include <stdexcept>
 #include <utility>
 
-#include "tokid/dependence.hpp"
 #include "tokid/identify.hpp"
 
 namespace tokid::report {
 
 Tested tested_part(const Ensemble& data, Ensemble part, std::vector<Index> rows, ReportOptions options) {
-  Tested result{std::move(part), std::move(options), std::move(rows), {}};
+  Tested result;
+  result.data = std::move(part);
+  result.options = std::move(options);
+  result.rows = std::move(rows);
   for (const Index n : result.rows) result.names.push_back(data.experiment_name(n));
   return result;
+}
+
+std::vector<OutlyingSamples> Tested::in_given_data(std::vector<OutlyingSamples> outlying) const {
+  for (OutlyingSamples& one : outlying) {
+    const size_t n = size_t(one.experiment);
+    one.experiment = rows[n];
+    one.name = names[n];
+  }
+  return outlying;
 }
 
 namespace {
@@ -29,8 +40,12 @@ std::optional<Tested> after_corrections(const Model& model, const Ensemble& data
 }  // namespace
 
 Tested tested(const Model& model, const Ensemble& data, const ReportOptions& options) {
-  const UsedExperiments used = used_experiments(data);
+  return tested(model, data, used_experiments(data), options);
+}
+
+Tested tested(const Model& model, const Ensemble& data, const UsedExperiments& used, const ReportOptions& options) {
   Tested result = tested_part(data, used.all(data) ? data : data.subset(used.rows()), used.rows(), options);
+  result.distinct = true;
   append(result.options.findings, findings_of(used, data));
   if (options.evaluation != Evaluation::automatic) return result;
   result.options.evaluation = has_seen(model.provenance, data) ? Evaluation::training : Evaluation::given;

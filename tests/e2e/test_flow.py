@@ -171,6 +171,17 @@ def test_worst_experiments_are_listed_first(tokid, noisy):
     assert [int(row.split()[0]) for row in rows] == [entry["experiment"] for entry in listed[:5]]
 
 
+def test_outlying_experiments_are_listed_without_verbose(tokid, noisy, tmp_path):
+    arrays = load(noisy / "fresh.npz")
+    arrays["y"] = arrays["y"].copy()
+    arrays["y"][3] *= -30
+    np.savez(tmp_path / "bad.npz", **arrays)
+    text = tokid("validate", noisy / "model.npz", tmp_path / "bad.npz").stdout
+    rows = text.split("\nWorst ")[1].splitlines()[1:6]
+    assert rows[0].split()[0] == "3" and [row.endswith(", outlying") for row in rows] == [True] + 4 * [False]
+    assert "\nWorst " not in tokid("validate", noisy / "model.npz", noisy / "fresh.npz").stdout
+
+
 def test_normalised_innovations_squared(tokid, noisy):
     model, fresh = load(noisy / "model.npz"), load(noisy / "fresh.npz")
     result = tokid.json("validate", noisy / "model.npz", noisy / "fresh.npz")

@@ -168,7 +168,7 @@ def test_validate(tokid, oscillator):
                   "worst_experiments_first": lambda v: len(v) == found["experiments"] and set(v[0]) == {
                       "experiment", "name", "simulation_fit", "one_step_fit", "simulation_rmse", "one_step_rmse",
                       "simulation_samples", "one_step_samples", "over_median", "simulation_error", "one_step_error",
-                      "excess", "outlying"}})
+                      "excess", "outlying", "worst_output"}})
 
 
 def test_cross_validation(tokid, oscillator):
