@@ -43,19 +43,15 @@ void run(const Call& call) {
     Json j = json_of(page.verdict);
     j["checks"] = json_of(page.verdict.checks);
     j["page"] = call.output.string();
-    Findings findings = options.findings;
-    if (options.bands) append(findings, options.bands->findings);
-    add_findings(j, findings);
+    add_findings(j, page.findings);
     print(j);
-    warn(findings);
-    return;
+  } else {
+    Page text;
+    add_verdict(page.verdict, true, text);
+    text.row("Written", call.output.string());
+    print(text.text());
   }
-  Page text;
-  add_verdict(page.verdict, true, text);
-  text.row("Written", call.output.string());
-  print(text.text());
-  warn(options.findings);
-  if (options.bands) warn(options.bands->findings);
+  warn(page.findings);
 }
 
 }  // namespace

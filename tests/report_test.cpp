@@ -18,6 +18,7 @@
 #include "tokid/dependence.hpp"
 #include "tokid/example.hpp"
 #include "tokid/identify.hpp"
+#include "tokid/remarks.hpp"
 
 namespace tokid::testing {
 namespace {
@@ -841,6 +842,26 @@ TEST(Verdict, HasTheFiguresOfPredictionsThatDecide) {
       EXPECT_EQ(in_words(input).needed, "0.5 or more");
       EXPECT_EQ(input.result, ratio < 0.5 ? Trust::look_closer : Trust::good);
     }
+}
+
+// The findings of a page have each sentence of its list of warnings once, with the rows of the given data.
+TEST(ReportPage, HasItsFindings) {
+  Ensemble data = noisy(30, 2);
+  const Vector u = data.samples().row(4);
+  data.samples().row(7) = u.transpose();  // a copy, which is left out
+  data.y(20, 25, 0) += 40.0;              // an outlying sample in a later row
+  ReportOptions options;
+  options.findings = remarks(oscillator(40), data);
+  const ReportPage page = report_page(oscillator(40), data, options);
+  const std::vector<std::string> texts = in_words(page.findings);
+  for (const std::string& text : texts) EXPECT_EQ(std::count(texts.begin(), texts.end(), text), 1) << text;
+  const auto one = std::find_if(page.findings.begin(), page.findings.end(),
+                                [](const Finding& f) { return f.kind == Finding::Kind::samples_outlying; });
+  ASSERT_NE(one, page.findings.end());
+  EXPECT_EQ(one->experiments.front().row, 20);
+  EXPECT_EQ(std::count_if(page.findings.begin(), page.findings.end(),
+                          [](const Finding& f) { return f.kind == Finding::Kind::experiments_copied; }),
+            1);
 }
 
 // A model that is wrong before the first step of the fits has the fits of the right one.

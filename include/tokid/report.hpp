@@ -165,6 +165,7 @@ Verdict verdict(const Identification& result, const Ensemble& data, const Identi
 struct ReportPage {
   Verdict verdict;
   std::string html;
+  Findings findings;  // of the options, the bands, the data and the validation, each once, as on the page
 };
 // Makes a self-contained HTML page, which loads nothing: tables for every reader, plots if JavaScript runs. Its data
 // are a few megabytes at most, for any size of the ensemble; the page states which data it leaves out.

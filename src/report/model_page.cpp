@@ -101,6 +101,7 @@ class Report {
         plots_(plot_data(model, data_, found_, verdict_, comparison_, options_)) {}
 
   const Verdict& verdict() const { return verdict_; }
+  const Findings& findings() const { return found_.findings; }
 
   std::string html() const {
     Document page;
@@ -905,7 +906,7 @@ namespace {
 ReportPage page_of(const Model& model, const Ensemble& whole, const report::Tested& tested,
                    const Identification* identified) {
   const report::Report report(model, tested, report::compare_models(model, whole, tested), identified);
-  return {report.verdict(), report.html()};
+  return {report.verdict(), report.html(), report.findings()};
 }
 
 }  // namespace
