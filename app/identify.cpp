@@ -9,6 +9,7 @@
 #include "command.hpp"
 #include "common.hpp"
 #include "model/options.hpp"
+#include "report/verdict_json.hpp"
 #include "tool.hpp"
 #include "verdict.hpp"
 
@@ -394,7 +395,7 @@ Json json(const NominalTest& test, const Model& model, Index inputs) {
       {"step_threshold", test.step_threshold}, {"departures", departures},    {"significant", test.significant}};
 }
 
-Json json(const Call& call, const Data& data, const Identification& result) {
+Json json(const Call& call, const Data& data, const Identification& result, const Judgement& judgement) {
   const Model& model = result.model;
   Json j;
   j["data"] = json_of(call.paths);
@@ -454,6 +455,8 @@ Json json(const Call& call, const Data& data, const Identification& result) {
   j["one_step_fit"] = numbers(result.validation.one_step.fit);
   j["simulation_fit"] = numbers(result.validation.simulation.fit);
   j["whiteness_p"] = result.validation.whiteness_p;
+  j["verdict"] = judgement.verdict ? with_checks(*judgement.verdict) : Json();
+  j["no_verdict"] = judgement.verdict ? Json() : Json(judgement.why_none);
   j["outliers"] = Json::array();
   for (const Outlier& o : result.outliers)
     j["outliers"].push_back({{"experiment", o.experiment},
@@ -484,7 +487,7 @@ Judgement judged(const Call& call, const Ensemble& data, const Identification& r
     save_text(page.html, call.page);
     return {std::move(page.verdict)};
   }
-  if (call.quiet || call.json) return {};
+  if (call.quiet && !call.json) return {};
   try {
     return {verdict(result, data, call.options, options)};
   } catch (const std::invalid_argument& error) {
@@ -494,7 +497,7 @@ Judgement judged(const Call& call, const Ensemble& data, const Identification& r
 
 void print_result(const Call& call, const Data& data, const Identification& result, const Judgement& judgement) {
   if (call.json)
-    print(json(call, data, result));
+    print(json(call, data, result, judgement));
   else if (!call.quiet)
     print(report(call, data, result, judgement));
   warn(result.findings);

@@ -40,8 +40,7 @@ void run(const Call& call) {
   save_text(page.html, call.output);
 
   if (call.json) {
-    Json j = json_of(page.verdict);
-    j["checks"] = json_of(page.verdict.checks);
+    Json j = with_checks(page.verdict);
     j["page"] = call.output.string();
     add_findings(j, page.findings);
     print(j);

@@ -226,7 +226,7 @@ Json json(const Call& call, const Model& model, const Ensemble& data, const repo
   j["outlying_samples"] = json_of(v.outlying);
   const Conclusions found = conclusions(v, model.names);
   j["conclusions"] = json_of(found);
-  j["checks"] = json_of(innovation_checks(found, v));
+  j["verdict"] = with_checks(validated.verdict);
   j["cross_validation"] = cross ? json(*cross) : Json();
   add_findings(j, v.findings);
   return j;

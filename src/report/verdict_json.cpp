@@ -55,4 +55,10 @@ Json json_of(const Verdict& verdict) {
           {"horizon", verdict.horizon}};
 }
 
+Json with_checks(const Verdict& verdict) {
+  Json j = json_of(verdict);
+  j["checks"] = json_of(verdict.checks);
+  return j;
+}
+
 }  // namespace tokid

@@ -12,5 +12,6 @@ Json json_of(const VerdictCheck& check);
 Json json_of(const std::vector<VerdictCheck>& checks);
 // The verdict without its checks.
 Json json_of(const Verdict& verdict);
+Json with_checks(const Verdict& verdict);
 
 }  // namespace tokid

@@ -111,6 +111,10 @@ def test_identify(tokid, tmp_path, oscillator):
     assert found["rank_deficient_steps"] == np.count_nonzero(model["rank"] < regressors)
     assert found["initial_state"] == "zero"
     assert found["evaluated_on"] == "training"
+    # Of the training data, the verdict is that of a report.
+    verdict = tokid.json("report", tmp_path / "model.npz", oscillator / "data.npz", "-o", tmp_path / "page.html")
+    assert found["verdict"] == {key: verdict[key] for key in ("trust", "summary", "reasons", "horizon", "checks")}
+    assert found["no_verdict"] is None
     assert found["nominal"] is False
     assert found["missing_samples"] == 0
     assert found["dt"] == 0.05
@@ -159,7 +163,8 @@ def test_validate(tokid, oscillator):
                   "outlying_samples": lambda v: v == [], "gain_errors": lambda v: v == [None, None], "gain_deviations": lambda v: v == [None, None],
                   "conclusions": lambda v: {test: (c["result"], c["reason"]) for test, c in v.items()} == dict.fromkeys(
                       ["nis", "whiteness", "independence", "gains", "feedback"], ("untested", "rounding_level")),
-                  "checks": lambda v: {c["name"]: (c["result"], c["untested"], c["conclusion"]) for c in v} == dict.fromkeys(
+                  "verdict": lambda v: v["trust"] == "good" and v["reasons"] == [] and v["horizon"] == 0 and {
+                      c["name"]: (c["result"], c["untested"], c["conclusion"]) for c in v["checks"][-4:]} == dict.fromkeys(
                       ["whiteness", "independence", "gains", "nis"], (None, "innovations", "rounding_level")),
                   "nis_presumes_normal": lambda v: v is None, "cross_validation": lambda v: v is None, "horizon": lambda v: v == 3, "warnings": texts, "findings": findings,
                   "first_predicted": lambda v: v == 0, "output_names": lambda v: v == ["y1", "y2"],

@@ -281,14 +281,17 @@ def test_checks_decide_the_verdict(tokid, oscillator, tmp_path):
         assert figures["experiments"] == {"name": "count", "values": [len(np.load(data)["u"])], "rule": "at least", "bound": 3,
                                           "kept": len(np.load(data)["u"]) >= 3}
         assert figures["one_step_fit"]["bound"] == figures["one_step_fit"]["distrust"] == 50
-        # The page has all reasons, and `report --json` and `validate --json` the same checks.
+        # The page has all reasons, and the JSON of `report` and `validate` the same verdict and checks.
         verdict, told = data_of(page)["verdict"], tokid.json("report", oscillator / "model.npz", data, "-o", page)
         reasons = [reason["text"] for check in checks for reason in check["reasons"]]
         assert sorted(verdict["reasons"]) == sorted(reasons) == sorted(told["reasons"])
         assert told["checks"] == checks and {key: told[key] for key in verdict} == verdict
-        if data != tmp_path / "bad.npz":
-            validated = tokid.json("validate", oscillator / "model.npz", data)["checks"]
-            assert validated == [check for check in checks if check["name"] in ("whiteness", "independence", "gains", "nis")]
+        validated = tokid.json("validate", oscillator / "model.npz", data)["verdict"]
+        assert validated.pop("checks") == checks and validated == verdict
+        # The JSON has the findings of the page, each once.
+        assert told["findings"] == data_of(page)["findings"]
+        assert len(set(told["warnings"])) == len(told["warnings"])
+
 
 
 def passes(check):
