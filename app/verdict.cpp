@@ -9,6 +9,7 @@ namespace tokid::app {
 namespace {
 
 using Kind = Finding::Kind;
+using Check = VerdictCheck::Kind;
 
 // Findings of folds concern other models.
 bool any_of(const Findings& findings, std::initializer_list<Kind> kinds) {
@@ -18,10 +19,10 @@ bool any_of(const Findings& findings, std::initializer_list<Kind> kinds) {
 }
 
 // Has one of these checks found something against the model?
-bool any_against(const Verdict& verdict, std::initializer_list<const char*> names) {
+bool any_against(const Verdict& verdict, std::initializer_list<VerdictCheck::Kind> kinds) {
   return std::any_of(verdict.checks.begin(), verdict.checks.end(), [&](const VerdictCheck& check) {
     return check.result.value_or(Trust::good) != Trust::good &&
-           std::find(names.begin(), names.end(), check.name) != names.end();
+           std::find(kinds.begin(), kinds.end(), check.kind) != kinds.end();
   });
 }
 
@@ -93,17 +94,17 @@ NextStep test_on_other_data(const fs::path& model, const std::vector<fs::path>& 
 NextStep next_step(const Verdict& verdict, const Findings& findings, const Tested& tested) {
   if (any_of(findings, faulty_data))
     return {"correct the data as the warnings say; look at them again", look_at(tested)};
-  if (any_against(verdict, {"channels"}))
+  if (any_against(verdict, {Check::channels}))
     return {"compare the sample times, names and units of data and model", look_at(tested)};
   if (tested.identify && std::any_of(findings.begin(), findings.end(), used_outlier))
     return {"check the experiments that do not fit, or leave them out", tested.identify("--outliers drop")};
-  if (any_of(findings, weak_inputs) || any_against(verdict, {"inputs", "rank"}))
+  if (any_of(findings, weak_inputs) || any_against(verdict, {Check::inputs, Check::rank}))
     return plan_more("measure with inputs that excite all channels", tested);
-  if (any_of(findings, too_few) || any_against(verdict, {"samples", "missing"}))
+  if (any_of(findings, too_few) || any_against(verdict, {Check::samples, Check::missing}))
     return plan_more("measure more experiments, for example with these inputs", tested);
   if (tested.seen && tested.identify && tested.can_hold_out)
     return {"test the model on experiments that it has not seen", tested.identify("--hold-out 0.2")};
-  if (tested.seen || any_against(verdict, {"experiments", "coverage"}))
+  if (tested.seen || any_against(verdict, {Check::experiments, Check::coverage}))
     return test_on_other_data(tested.model, tested.data, tested.read);
   if (verdict.trust != Trust::good) return on_page("see where and when the model fails", tested);
   if (tested.identify) return {"use the model; for error bounds", on_same_data("confidence", tested, "bounds.npz")};

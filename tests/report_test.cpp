@@ -548,23 +548,23 @@ TEST(Verdict, IsTheWorstOfItsChecks) {
     std::vector<std::string> reasons, names;
     for (const VerdictCheck& check : v.checks) {
       const CheckWords words = in_words(check);
-      EXPECT_FALSE(check.name.empty() || words.subject.empty() || words.found.empty() || words.needed.empty());
+      EXPECT_FALSE(words.subject.empty() || words.found.empty() || words.needed.empty());
       // The figures alone decide whether a check passes.
       if (check.result) {
-        EXPECT_EQ(check.kept(), *check.result == Trust::good) << check.name;
+        EXPECT_EQ(check.kept(), *check.result == Trust::good) << to_string(check.kind);
       }
-      EXPECT_EQ(check.result.has_value(), !check.untested.has_value()) << check.name;
+      EXPECT_EQ(check.result.has_value(), !check.untested.has_value()) << to_string(check.kind);
       worst = std::max(worst, check.result.value_or(Trust::good));
       Trust own = Trust::good;
       for (const VerdictReason& reason : check.reasons)
         reasons.push_back(reason.text), own = std::max(own, reason.trust);
       if (!check.reasons.empty()) {
-        EXPECT_EQ(check.result, own) << check.name;
+        EXPECT_EQ(check.result, own) << to_string(check.kind);
       }
       if (check.result.value_or(Trust::good) == Trust::good) {
-        EXPECT_TRUE(check.reasons.empty()) << check.name;
+        EXPECT_TRUE(check.reasons.empty()) << to_string(check.kind);
       } else {
-        names.push_back(check.name);
+        names.emplace_back(to_string(check.kind));
       }
       EXPECT_TRUE(contains(page.html, escape(words.subject))) << words.subject;
     }
@@ -580,7 +580,7 @@ TEST(Verdict, IsTheWorstOfItsChecks) {
 
 const VerdictCheck& check_of(const Verdict& verdict, const std::string& name) {
   for (const VerdictCheck& check : verdict.checks)
-    if (check.name == name) return check;
+    if (to_string(check.kind) == name) return check;
   throw std::runtime_error("no check " + name);
 }
 
@@ -682,8 +682,8 @@ TEST(Verdict, StatesTheRuleThatDecidedATestOfTheInnovations) {
   };
   const auto expect = [](const VerdictCheck& check, std::optional<Trust> result, const std::string& text,
                          const std::string& needed) {
-    EXPECT_EQ(check.result, result) << check.name;
-    EXPECT_EQ(check.kept(), result == Trust::good) << check.name;
+    EXPECT_EQ(check.result, result) << to_string(check.kind);
+    EXPECT_EQ(check.kept(), result == Trust::good) << to_string(check.kind);
     EXPECT_EQ(in_words(check).found, text);
     EXPECT_EQ(in_words(check).needed, needed);
   };
@@ -842,6 +842,19 @@ TEST(Verdict, HasTheFiguresOfPredictionsThatDecide) {
       EXPECT_EQ(in_words(input).needed, "0.5 or more");
       EXPECT_EQ(input.result, ratio < 0.5 ? Trust::look_closer : Trust::good);
     }
+}
+
+TEST(Verdict, WordsNeedTheReasonOfATest) {
+  VerdictCheck check;
+  check.kind = VerdictCheck::Kind::whiteness;
+  check.figures = {{"p", {0.5}, CheckFigure::Rule::at_least, 0.01}};
+  check.result = Trust::good;
+  EXPECT_TRUE(contains(message([&] { in_words(check); }), "check: whiteness without a reason found"));
+  check.reason = Conclusion::Reason::white;
+  EXPECT_EQ(in_words(check).found, "p = 0.5");
+  check.reason.reset();
+  check.untested = VerdictCheck::Untested::innovations;
+  EXPECT_THROW(in_words(check), std::invalid_argument);
 }
 
 // The findings of a page have each sentence of its list of warnings once, with the rows of the given data.

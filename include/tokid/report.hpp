@@ -100,6 +100,31 @@ const char* to_string(CheckFigure::Rule rule);  // "at least", "at most", "below
 
 // A check of the verdict, as numbers.
 struct VerdictCheck {
+  // What is checked. docs/formats.md lists the figures of each.
+  enum class Kind {
+    outputs,
+    one_step_fit,
+    simulation_fit,
+    prediction_fit,
+    input_effect,
+    error_peaks,
+    beyond_noise,
+    outliers,
+    coverage,
+    samples,
+    missing,
+    experiments,
+    condition,
+    inputs,
+    rank,
+    channels,
+    // tests of the innovations
+    whiteness,
+    independence,
+    gains,
+    nis
+  };
+
   // Why a check is not tested. innovations: the reason of the conclusion says it.
   enum class Untested {
     no_predictions,
@@ -118,7 +143,7 @@ struct VerdictCheck {
     innovations
   };
 
-  std::string name;  // "simulation_fit", …; docs/formats.md lists the names
+  Kind kind = Kind::outputs;
   // The check passes if all figures keep their bounds, or with `one_suffices` if one does.
   std::vector<CheckFigure> figures = {};
   bool one_suffices = false;
@@ -132,6 +157,7 @@ struct VerdictCheck {
 
   bool kept() const;  // Do the figures keep their bounds?
 };
+const char* to_string(VerdictCheck::Kind kind);        // "simulation_fit", …
 const char* to_string(VerdictCheck::Untested reason);  // "no_predictions", …
 
 // A check in words: what is checked, the figures of these data, and their bounds. `found` gives the reason of a check
@@ -139,6 +165,7 @@ const char* to_string(VerdictCheck::Untested reason);  // "no_predictions", …
 struct CheckWords {
   std::string subject, found, needed;
 };
+// \throws std::invalid_argument for a test of the innovations without its reason
 CheckWords in_words(const VerdictCheck& check);
 
 // The checks of the tests of the innovations: whiteness, independence, gains and nis. `v` has their figures.

@@ -330,7 +330,7 @@ nb::any object_of(const Verdict& v) {
                                           {"distrust", figure.distrust}}));
     const CheckWords words = in_words(c);
     checks.append(make("VerdictCheck",
-                       {{"name", c.name},
+                       {{"name", to_string(c.kind)},
                         {"subject", words.subject},
                         {"found", words.found},
                         {"needed", words.needed},

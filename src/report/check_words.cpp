@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <stdexcept>
 
 #include "base/nan.hpp"
 #include "diagnose/conclusions.hpp"
@@ -40,6 +41,7 @@ namespace report {
 
 namespace {
 
+using CheckKind = VerdictCheck::Kind;
 using Untested = VerdictCheck::Untested;
 using Reason = Conclusion::Reason;
 
@@ -90,18 +92,18 @@ class Words {
 
   std::string untested(Untested reason) const {
     if (reason == Untested::few_errors) {
-      const char* noun = check_.name == "outliers" ? "experiment" : "step";
+      const char* noun = check_.kind == CheckKind::outliers ? "experiment" : "step";
       if (count("count") == 0) return "no errors known";
       return fmt::format("errors of {} only, at least {} needed", plural(count("count"), noun), count("fewest"));
     }
     if (reason == Untested::few_input_samples && number("over_time") == 0)
       return "samples of fewer than 3 experiments at every step";
-    if (reason == Untested::without_noise && check_.name == "rank")
+    if (reason == Untested::without_noise && check_.kind == CheckKind::rank)
       return plural(Index(value()), "step") + ", which is usual without noise";
     if (reason == Untested::innovations) {
       Conclusion conclusion;
       conclusion.test = test();
-      conclusion.reason = *check_.reason;
+      conclusion.reason = reason_of_test();
       return in_words(conclusion);
     }
     return words_of(reason).text;
@@ -109,9 +111,16 @@ class Words {
 
   Conclusion::Test test() const {
     using Test = Conclusion::Test;
-    for (const Test one : {Test::whiteness, Test::independence, Test::gains})
-      if (check_.name == to_string(one)) return one;
-    return Test::nis;
+    return check_.kind == CheckKind::whiteness      ? Test::whiteness
+           : check_.kind == CheckKind::independence ? Test::independence
+           : check_.kind == CheckKind::gains        ? Test::gains
+                                                    : Test::nis;
+  }
+  Reason reason_of_test() const {
+    if (!check_.reason)
+      throw std::invalid_argument(
+          fmt::format("check: {} without a reason found, needed is that of its conclusion", to_string(check_.kind)));
+    return *check_.reason;
   }
 
   static std::string count_of(Index some, Index all, std::string_view noun) {
@@ -127,58 +136,68 @@ class Words {
   std::string fits_needed() const { return fmt::format("{:.0f} % or more for every output", bound()); }
 
   CheckWords tested() const {
-    const std::string& name = check_.name;
-    if (name == "outputs")
-      return {"Outputs that vary and have samples to compare",
-              figure_of(0).values.empty() ? "no samples" : count_of(Index(value()), Index(bound()), "output"), "all"};
-    if (name == "one_step_fit") return {"One-step prediction fit", fits(), fits_needed()};
-    if (name == "simulation_fit") return {"Simulation fit, which decides", fits(), fits_needed()};
-    if (name == "prediction_fit")
-      return {fmt::format("Prediction fit {} ahead, which decides", plural(count("horizon"), "step")), fits(),
-              fits_needed()};
-    if (name == "input_effect")
-      return {"Effect of the inputs on the predictions, relative to the prediction error", figure(value(), 3),
-              fmt::format("{:.1f} or more", bound())};
-    if (name == "error_peaks")
-      return {"Largest one-step error of a step, relative to its limit", at_step(),
-              fmt::format("{:.0f} or less; the limit is the largest of {:.0f} times the median, {:.0f} % of the spread "
-                          "of the outputs and {:.0f} times what the model states",
-                          bound(), bounds::error_peak, 100 * bounds::error_floor, bounds::error_stated)};
-    if (name == "beyond_noise")
-      return {"Largest one-step error of a step, relative to that of the identification", at_step(),
-              fmt::format("{:.0f} or less", bound())};
-    if (name == "outliers")
-      return {"Largest error of an experiment, relative to its limit",
-              check_.experiment ? fmt::format("{} at experiment {}", figure(value(), 3),
-                                              words::experiment(check_.experiment->row, check_.experiment->name))
-                                : "not known",
-              fmt::format("{:.0f} or less; the limit is the larger of {:.0f} times the median and {:.0f} % of the "
-                          "spread of the outputs",
-                          bound(), outlying_experiment, 100 * least_outlying_error)};
-    if (name == "coverage")
-      return {"Steps of the model that the data test", count_of(count("tested"), count("steps"), "step"),
-              fmt::format("{:.0f} % or more", 100 * bound())};
-    if (name == "samples")
-      return {
-          "Experiments of the identification for each unknown", known(figure(value(), 3)),
-          fmt::format(
-              "{:.0f} or more{}", bound(),
-              number("training") > 0 ? ", because the model is tested on the data that it was identified from" : "")};
-    if (name == "missing")
-      return {"Missing samples", value() == 0 ? "none" : fmt::format("{} %", figure(100 * value(), 2)),
-              fmt::format("{:.0f} % or less", 100 * bound())};
-    if (name == "experiments")
-      return {"Experiments tested", fmt::format("{:.0f}", value()), fmt::format("{:.0f} or more", bound())};
-    if (name == "condition")
-      return {"Largest condition number of a regression", figure(value(), 3),
-              fmt::format("{} or less", figure(bound(), 3))};
-    if (name == "inputs") return inputs();
-    if (name == "rank")
-      return {"Regressions without full rank", plural(Index(known_count()), "step"),
-              fmt::format("{:.0f} or fewer, the lag order", bound())};
-    if (name == "channels")
-      return {"Sample time and names of the channels",
-              value() == 0 ? "those of the model" : plural(Index(value()), "difference"), "those of the model"};
+    switch (check_.kind) {
+      case CheckKind::outputs:
+        return {"Outputs that vary and have samples to compare",
+                figure_of(0).values.empty() ? "no samples" : count_of(Index(value()), Index(bound()), "output"), "all"};
+      case CheckKind::one_step_fit:
+        return {"One-step prediction fit", fits(), fits_needed()};
+      case CheckKind::simulation_fit:
+        return {"Simulation fit, which decides", fits(), fits_needed()};
+      case CheckKind::prediction_fit:
+        return {fmt::format("Prediction fit {} ahead, which decides", plural(count("horizon"), "step")), fits(),
+                fits_needed()};
+      case CheckKind::input_effect:
+        return {"Effect of the inputs on the predictions, relative to the prediction error", figure(value(), 3),
+                fmt::format("{:.1f} or more", bound())};
+      case CheckKind::error_peaks:
+        return {
+            "Largest one-step error of a step, relative to its limit", at_step(),
+            fmt::format("{:.0f} or less; the limit is the largest of {:.0f} times the median, {:.0f} % of the spread "
+                        "of the outputs and {:.0f} times what the model states",
+                        bound(), bounds::error_peak, 100 * bounds::error_floor, bounds::error_stated)};
+      case CheckKind::beyond_noise:
+        return {"Largest one-step error of a step, relative to that of the identification", at_step(),
+                fmt::format("{:.0f} or less", bound())};
+      case CheckKind::outliers:
+        return {"Largest error of an experiment, relative to its limit",
+                check_.experiment ? fmt::format("{} at experiment {}", figure(value(), 3),
+                                                words::experiment(check_.experiment->row, check_.experiment->name))
+                                  : "not known",
+                fmt::format("{:.0f} or less; the limit is the larger of {:.0f} times the median and {:.0f} % of the "
+                            "spread of the outputs",
+                            bound(), outlying_experiment, 100 * least_outlying_error)};
+      case CheckKind::coverage:
+        return {"Steps of the model that the data test", count_of(count("tested"), count("steps"), "step"),
+                fmt::format("{:.0f} % or more", 100 * bound())};
+      case CheckKind::samples:
+        return {
+            "Experiments of the identification for each unknown", known(figure(value(), 3)),
+            fmt::format(
+                "{:.0f} or more{}", bound(),
+                number("training") > 0 ? ", because the model is tested on the data that it was identified from" : "")};
+      case CheckKind::missing:
+        return {"Missing samples", value() == 0 ? "none" : fmt::format("{} %", figure(100 * value(), 2)),
+                fmt::format("{:.0f} % or less", 100 * bound())};
+      case CheckKind::experiments:
+        return {"Experiments tested", fmt::format("{:.0f}", value()), fmt::format("{:.0f} or more", bound())};
+      case CheckKind::condition:
+        return {"Largest condition number of a regression", figure(value(), 3),
+                fmt::format("{} or less", figure(bound(), 3))};
+      case CheckKind::inputs:
+        return inputs();
+      case CheckKind::rank:
+        return {"Regressions without full rank", plural(Index(known_count()), "step"),
+                fmt::format("{:.0f} or fewer, the lag order", bound())};
+      case CheckKind::channels:
+        return {"Sample time and names of the channels",
+                value() == 0 ? "those of the model" : plural(Index(value()), "difference"), "those of the model"};
+      case CheckKind::whiteness:
+      case CheckKind::independence:
+      case CheckKind::gains:
+      case CheckKind::nis:
+        break;
+    }
     return innovations();
   }
 
@@ -232,7 +251,7 @@ class Words {
   std::pair<std::string, std::string> decided() const {
     const auto by_chance = [&] { return fmt::format("p of {} or more", figure_of(0).bound); };
     const auto small = [&](size_t i) { return fmt::format("a correlation below {:.1f}", figure_of(i).bound); };
-    switch (*check_.reason) {
+    switch (reason_of_test()) {
       case Reason::white:
       case Reason::inputs_explain_nothing:
         return {probability(value()), by_chance()};
@@ -284,10 +303,18 @@ void add_gains(VerdictCheck& check, const Conclusion& c, const InputGains& gains
   if (c.reason == Reason::gains_confirmed) check.numbers["interval"] = c.numbers.at("interval");
 }
 
+CheckKind kind_of(Conclusion::Test test) {
+  using Test = Conclusion::Test;
+  return test == Test::whiteness      ? CheckKind::whiteness
+         : test == Test::independence ? CheckKind::independence
+         : test == Test::gains        ? CheckKind::gains
+                                      : CheckKind::nis;
+}
+
 VerdictCheck check_of(const Conclusion& c, const Validation& v) {
   using Rule = CheckFigure::Rule;
   VerdictCheck check;
-  check.name = to_string(c.test);
+  check.kind = kind_of(c.test);
   check.reason = c.reason;
   if (c.result == TestResult::untested) {
     check.untested = Untested::innovations;
@@ -325,6 +352,53 @@ VerdictCheck check_of(const Conclusion& c, const Validation& v) {
 }  // namespace
 
 }  // namespace report
+
+const char* to_string(VerdictCheck::Kind kind) {
+  using Kind = VerdictCheck::Kind;
+  switch (kind) {
+    case Kind::outputs:
+      return "outputs";
+    case Kind::one_step_fit:
+      return "one_step_fit";
+    case Kind::simulation_fit:
+      return "simulation_fit";
+    case Kind::prediction_fit:
+      return "prediction_fit";
+    case Kind::input_effect:
+      return "input_effect";
+    case Kind::error_peaks:
+      return "error_peaks";
+    case Kind::beyond_noise:
+      return "beyond_noise";
+    case Kind::outliers:
+      return "outliers";
+    case Kind::coverage:
+      return "coverage";
+    case Kind::samples:
+      return "samples";
+    case Kind::missing:
+      return "missing";
+    case Kind::experiments:
+      return "experiments";
+    case Kind::condition:
+      return "condition";
+    case Kind::inputs:
+      return "inputs";
+    case Kind::rank:
+      return "rank";
+    case Kind::channels:
+      return "channels";
+    case Kind::whiteness:
+      return "whiteness";
+    case Kind::independence:
+      return "independence";
+    case Kind::gains:
+      return "gains";
+    case Kind::nis:
+      break;
+  }
+  return "nis";
+}
 
 const char* to_string(VerdictCheck::Untested reason) { return report::words_of(reason).name; }
 

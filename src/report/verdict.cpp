@@ -90,13 +90,14 @@ class Assessment {
 
  private:
   using Check = VerdictCheck;
+  using Kind = Check::Kind;
   using Rule = CheckFigure::Rule;
   using Untested = Check::Untested;
 
   // A check that has passed until something speaks against the model.
-  static Check check(std::string name, CheckFigure figure) {
+  static Check check(Kind kind, CheckFigure figure) {
     Check result;
-    result.name = std::move(name);
+    result.kind = kind;
     result.figures.push_back(std::move(figure));
     result.result = Trust::good;
     return result;
@@ -193,7 +194,7 @@ class Assessment {
   Check simulation_check() const {
     const Validation& v = found_.validation;
     const double simulation = least(simulation_), ahead = least(of_moving(v.horizon.fit));
-    Check result = check("simulation_fit", fit_figure(simulation_, v.simulation, bounds::good_fit));
+    Check result = check(Kind::simulation_fit, fit_figure(simulation_, v.simulation, bounds::good_fit));
     if (v.simulation.samples == 0) {
       against(result, Trust::look_closer, "Nothing was simulated: the initial states could not be estimated.");
       return result;
@@ -243,7 +244,7 @@ class Assessment {
     const DecidingHorizon& h = found_.deciding;
     const double fit = least(deciding_);
     const std::string ahead = plural(h.steps, "step") + " ahead";
-    Check result = check("prediction_fit", fit_figure(deciding_, h.fit, bounds::good_fit));
+    Check result = check(Kind::prediction_fit, fit_figure(deciding_, h.fit, bounds::good_fit));
     result.numbers = {{"horizon", double(h.steps)}};
     const std::string found =
         fmt::format("Predictions {} fit output {} to {}", ahead, name_of_worst(deciding_), percent(fit));
@@ -266,7 +267,7 @@ class Assessment {
 
   Check input_effect_check() const {
     const DecidingHorizon& h = found_.deciding;
-    Check result = check("input_effect", {"effect_over_error", {h.inputs}, Rule::at_least, bounds::inputs_show});
+    Check result = check(Kind::input_effect, {"effect_over_error", {h.inputs}, Rule::at_least, bounds::inputs_show});
     if (!result.kept())
       against(result, Trust::look_closer,
               fmt::format(
@@ -287,7 +288,7 @@ class Assessment {
   bool fits() {
     const Validation& v = found_.validation;
     const Index moving = model_.outputs - Index(found_.constant_outputs.size());
-    Check outputs = check("outputs", {"varying", {double(moving)}, Rule::at_least, double(model_.outputs)});
+    Check outputs = check(Kind::outputs, {"varying", {double(moving)}, Rule::at_least, double(model_.outputs)});
     if (v.simulation.samples == 0 && v.one_step.samples == 0) {
       outputs.figures.front().values.clear();
       nothing_tested(std::move(outputs),
@@ -325,7 +326,7 @@ class Assessment {
 
   Check one_step_check() const {
     const Validation& v = found_.validation;
-    Check result = check("one_step_fit", fit_figure(one_step_, v.one_step, bounds::poor_fit));
+    Check result = check(Kind::one_step_fit, fit_figure(one_step_, v.one_step, bounds::poor_fit));
     if (v.one_step.samples == 0) return untested(std::move(result), Untested::no_predictions);
     const double one_step = least(one_step_);
     if (v.one_step.rmse.allFinite() && std::isinf(one_step))
@@ -350,8 +351,8 @@ class Assessment {
   }
 
   // A check of the largest of some errors.
-  static Check largest_check(std::string name, const char* quantity, const std::vector<double>& errors, double bound) {
-    Check result = check(std::move(name), {quantity, {}, Rule::at_most, bound});
+  static Check largest_check(Kind kind, const char* quantity, const std::vector<double>& errors, double bound) {
+    Check result = check(kind, {quantity, {}, Rule::at_most, bound});
     if (const std::optional<Index> most = largest(errors)) result.figures.front().values = {errors[size_t(*most)]};
     return result;
   }
@@ -369,7 +370,7 @@ class Assessment {
   }
 
   Check error_peak_check() const {
-    Check result = largest_check("error_peaks", "error_over_limit", found_.step_excess, 1.0);
+    Check result = largest_check(Kind::error_peaks, "error_over_limit", found_.step_excess, 1.0);
     if (const auto step = largest(found_.step_excess)) result.numbers["step"] = double(*step);
     if (few_errors(result, found_.step_excess)) return result;
     if (!result.kept())
@@ -380,7 +381,7 @@ class Assessment {
   }
 
   Check beyond_noise_check() const {
-    Check result = largest_check("beyond_noise", "error_over_stated", found_.noise_excess, bounds::beyond_noise);
+    Check result = largest_check(Kind::beyond_noise, "error_over_stated", found_.noise_excess, bounds::beyond_noise);
     const std::optional<Index> step = largest(found_.noise_excess);
     if (!step)
       return untested(std::move(result),
@@ -399,7 +400,7 @@ class Assessment {
     std::vector<Index> outlying;
     for (Index n = 0; n < found_.experiments; ++n)
       if (found_.fits.outlying(n)) outlying.push_back(n);
-    Check result = largest_check("outliers", "error_over_limit", excess, 1.0);
+    Check result = largest_check(Kind::outliers, "error_over_limit", excess, 1.0);
     if (const auto worst = largest(excess))
       result.experiment = {found_.rows[size_t(*worst)], found_.experiment_names[size_t(*worst)]};
     if (few_errors(result, excess)) return result;
@@ -415,7 +416,7 @@ class Assessment {
   Check coverage_check() const {
     const Index tested = model_.steps() - Index(found_.untested.size());
     const double share = 1 - double(found_.untested.size()) / double(std::max<Index>(1, model_.steps()));
-    Check result = check("coverage", {"share", {share}, Rule::at_least, bounds::coverage});
+    Check result = check(Kind::coverage, {"share", {share}, Rule::at_least, bounds::coverage});
     result.numbers = {{"tested", double(tested)}, {"steps", double(model_.steps())}};
     if (!result.kept())
       against(result, Trust::look_closer,
@@ -426,13 +427,13 @@ class Assessment {
 
   void test_data() {
     add(training_check());
-    Check missing = check("missing", {"share", {found_.missing_share}, Rule::at_most, bounds::many_missing});
+    Check missing = check(Kind::missing, {"share", {found_.missing_share}, Rule::at_most, bounds::many_missing});
     if (!missing.kept())
       against(missing, Trust::look_closer,
               fmt::format("{:.0f} % of the samples are missing.", 100 * found_.missing_share));
     add(std::move(missing));
     Check experiments =
-        check("experiments", {"count", {double(found_.experiments)}, Rule::at_least, double(bounds::few_tested)});
+        check(Kind::experiments, {"count", {double(found_.experiments)}, Rule::at_least, double(bounds::few_tested)});
     if (!experiments.kept())
       against(experiments, Trust::look_closer,
               fmt::format("Only {} tested.", found_.experiments == 1 ? "one experiment was" : "two experiments were"));
@@ -444,7 +445,7 @@ class Assessment {
     const Index from = found_.samples, unknowns = found_.unknowns;
     const bool training = options_.evaluation == Evaluation::training;
     Check result = check(
-        "samples",
+        Kind::samples,
         {"experiments_per_unknown", {}, Rule::at_least, double(training ? bounds::training_samples : bounds::samples)});
     result.numbers = {{"training", training ? 1.0 : 0.0}};
     if (from > 0 && unknowns > 0) result.figures.front().values = {double(from) / double(unknowns)};
@@ -506,7 +507,7 @@ class Assessment {
 
   Check condition_check(const std::vector<Index>& explained, const std::vector<Index>& unexplained,
                         const std::vector<const WeakInput*>& causes) {
-    Check result = check("condition", {"condition", {found_.condition_max}, Rule::at_most, found_.condition_limit});
+    Check result = check(Kind::condition, {"condition", {found_.condition_max}, Rule::at_most, found_.condition_limit});
     if (std::isnan(found_.condition_max)) return untested(std::move(result), Untested::no_regressions);
     const auto ill = [](const std::vector<Index>& steps) {
       return fmt::format("{} {} ill-conditioned", capital(step_list(steps)), steps.size() == 1 ? "is" : "are");
@@ -540,7 +541,7 @@ class Assessment {
   // The reasons of condition_check() name an input that explains an ill-conditioned step.
   Check weak_input_check(const std::vector<const WeakInput*>& causes) {
     const double varying = double(found_.assessed_inputs - Index(found_.weak_inputs.size()));
-    Check result = check("inputs", {"varying", {varying}, Rule::at_least, double(found_.assessed_inputs)});
+    Check result = check(Kind::inputs, {"varying", {varying}, Rule::at_least, double(found_.assessed_inputs)});
     result.numbers = {{"inputs", double(model_.inputs)}, {"over_time", found_.inputs_over_time ? 1.0 : 0.0}};
     if (model_.inputs == 0) return untested(std::move(result), Untested::no_inputs);
     if (found_.assessed_inputs == 0) return untested(std::move(result), Untested::few_input_samples);
@@ -562,7 +563,7 @@ class Assessment {
   }
 
   Check rank_check() const {
-    Check result = check("rank", {"steps", {}, Rule::at_most, double(found_.lags)});
+    Check result = check(Kind::rank, {"steps", {}, Rule::at_most, double(found_.lags)});
     if (!model_.has(&Step::has_rank)) return untested(std::move(result), Untested::no_ranks);
     result.figures.front().values = {double(found_.deficient.size())};
     if (!found_.noisy) return untested(std::move(result), Untested::without_noise);
@@ -575,7 +576,7 @@ class Assessment {
   }
 
   void differences() {
-    Check result = check("channels", {"differences", {double(found_.differences.size())}, Rule::at_most, 0.0});
+    Check result = check(Kind::channels, {"differences", {double(found_.differences.size())}, Rule::at_most, 0.0});
     for (const std::string& text : in_words(found_.differences))
       against(result, Trust::look_closer, capital(text) + ".");
     add(std::move(result));

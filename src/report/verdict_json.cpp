@@ -21,7 +21,7 @@ Json json_of(const CheckFigure& figure) {
 
 Json json_of(const VerdictCheck& check) {
   const CheckWords words = in_words(check);
-  Json j = {{"name", check.name},
+  Json j = {{"name", to_string(check.kind)},
             {"subject", words.subject},
             {"found", words.found},
             {"needed", words.needed},
