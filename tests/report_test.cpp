@@ -554,6 +554,14 @@ TEST(Verdict, IsTheWorstOfItsChecks) {
         EXPECT_EQ(check.kept(), *check.result == Trust::good) << to_string(check.kind);
       }
       EXPECT_EQ(check.result.has_value(), !check.untested.has_value()) << to_string(check.kind);
+      // A fit below the limit of distrust is a reason for distrust.
+      for (const CheckFigure& figure : check.figures)
+        if (!std::isnan(figure.distrust) && check.result) {
+          EXPECT_EQ(std::any_of(figure.values.begin(), figure.values.end(),
+                                [&](double value) { return value < figure.distrust; }),
+                    check.result == Trust::distrust)
+              << to_string(check.kind);
+        }
       worst = std::max(worst, check.result.value_or(Trust::good));
       Trust own = Trust::good;
       for (const VerdictReason& reason : check.reasons)
@@ -842,6 +850,63 @@ TEST(Verdict, HasTheFiguresOfPredictionsThatDecide) {
       EXPECT_EQ(in_words(input).needed, "0.5 or more");
       EXPECT_EQ(input.result, ratio < 0.5 ? Trust::look_closer : Trust::good);
     }
+}
+
+// Half of an output is an offset of each experiment, which the model does not have. The simulation fits to less than
+// 50 %, and predictions ten steps ahead are good: the observer takes the offset for a part of the state.
+TEST(Verdict, StatesNoLimitOfDistrustWhereAnExceptionApplies) {
+  Model model = constant_system({1, 1, 1}, 200, 0.999, 1);
+  for (Step& step : model.step) {
+    step.A()(0, 0) = 0.999, step.B()(0, 0) = 0.1, step.C()(0, 0) = 1.0, step.D()(0, 0) = 0.0;
+    step.G()(0, 0) = -0.9;
+  }
+  model.initial_state = InitialState::zero;
+  Ensemble data = simulate(model, random_experiments(model, 20, 3));
+  data.initial_state = InitialState::zero;
+  Random random(4);
+  for (Index n = 0; n < 20; ++n) {
+    const double start = random.normal();
+    for (Index k = 1; k < 200; ++k) data.y(n, k, 0) += start * std::pow(0.999, double(k - 1));
+  }
+  // The model states little noise, so that its simulation decides.
+  for (Step& step : model.step) step.set_innovation_cov(Matrix::Constant(1, 1, 1e-8));
+  const Verdict v = verdict(model, data);
+  ASSERT_EQ(v.horizon, 0) << v.summary;
+  const VerdictCheck& excused = check_of(v, "simulation_fit");
+  ASSERT_LT(excused.figures.front().values.front(), 50) << v.summary;
+  EXPECT_EQ(excused.result, Trust::look_closer) << all_reasons(v);
+  EXPECT_TRUE(std::isnan(excused.figures.front().distrust));
+  const std::string page = report_page(model, data).html;
+  EXPECT_TRUE(contains(page, "if predictions 10&nbsp;steps ahead fit") ||
+              contains(page, "if predictions 10 steps ahead fit"));
+  // Without an exception the limit is there.
+  Model wrong = model;
+  for (Step& step : wrong.step) step.B()(0, 0) = -1.0;
+  EXPECT_EQ(check_of(verdict(wrong, data), "simulation_fit").figures.front().distrust, 50);
+}
+
+TEST(Verdict, HasTheSpreadOfEachInput) {
+  Model model = oscillator(40);
+  Ensemble data = noisy(20, 2);
+  data.input(9).col(1) *= 1e-3;
+  const VerdictCheck check = check_of(verdict(model, simulate(model, data)), "inputs");
+  ASSERT_EQ(check.figures.size(), 2u);
+  EXPECT_EQ(check.figures[1].name, "spread");
+  EXPECT_EQ(check.figures[1].bound, 0.02);
+  ASSERT_EQ(check.figures[1].values.size(), 2u);
+  std::vector<double> spread;
+  double scaled = 0.0;
+  for (Index k = 0; k < 40; ++k) {
+    const Vector u = data.input(k).col(1);
+    spread.push_back(std::sqrt((u.array() - u.mean()).square().sum() / 19));
+    if (k == 9) scaled = spread.back();
+  }
+  std::sort(spread.begin(), spread.end());
+  // Sums of 20 squares, and their roots: rounding errors below 100 ε. The upper one of two middle values is the median.
+  EXPECT_NEAR(check.figures[1].values[1], scaled / spread[20], 100 * epsilon * scaled / spread[20]);
+  EXPECT_GT(check.figures[1].values[0], 0.02);
+  EXPECT_EQ(check.result, Trust::look_closer);
+  EXPECT_TRUE(contains(in_words(check).needed, "a spread of 2 % or more")) << in_words(check).needed;
 }
 
 TEST(Verdict, WordsNeedTheReasonOfATest) {

@@ -91,7 +91,9 @@ struct CheckFigure {
   std::vector<double> values = {};
   Rule rule = Rule::at_least;
   double bound = 0.0;
-  double distrust = std::numeric_limits<double>::quiet_NaN();  // fits: a smaller one leads to distrust
+  // Fits: a smaller one leads to distrust. NaN: no such limit, or an exception applies to these data. Noise that the
+  // model states explains small fits, and good predictions many steps ahead make up for a simulation that is not good.
+  double distrust = std::numeric_limits<double>::quiet_NaN();
 
   // Is at least one value known, and do all known values keep the bound?
   bool kept() const;

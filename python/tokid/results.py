@@ -1348,7 +1348,9 @@ class CheckFigure(_Result):
         What every known value has to be, relative to the bound.
     bound : float
     distrust : float
-        A smaller fit leads to distrust. NaN: no such limit.
+        A smaller fit leads to distrust. NaN: no such limit, or an exception applies to these data. Noise that the
+        model states explains small fits, and good predictions many steps ahead make up for a simulation that is not
+        good.
     """
 
     name: str

@@ -207,9 +207,12 @@ class Words {
     const Index assessed = Index(bound()), others = count("inputs") - assessed;
     std::string found = check_.untested ? "" : count_of(Index(value()), assessed, "input");
     if (others > 0) found += fmt::format(", too few samples of {}", plural(others, "other input"));
-    return {number("over_time") > 0 ? "Inputs that vary over time or between the experiments"
-                                    : "Inputs that vary between the experiments at every step",
-            found, "all"};
+    if (number("over_time") > 0) return {"Inputs that vary over time or between the experiments", found, "all"};
+    return {
+        "Inputs that vary between the experiments at every step", found,
+        fmt::format("all, with a spread of {:.0f} % or more of the usual one. A smaller one does not count if chance "
+                    "explains it (expected at {} steps or more)",
+                    100 * bounds::weak_input, bounds::chance)};
   }
 
   CheckWords innovations() const {

@@ -67,6 +67,7 @@ double chance_agreement(const Ensemble& data, Index input, double distance) {
 void assess_inputs(const Model& model, const Ensemble& data, Evidence& found) {
   std::vector<WeakInput>& result = found.weak_inputs;
   found.inputs_over_time = model.period > 0;
+  found.input_spread.assign(size_t(data.inputs()), nan);
   if (found.inputs_over_time) {  // differences over time are as useful as differences between experiments
     for (Index i = 0; i < data.inputs(); ++i) {
       const ChannelSummary s = channel_summary(data, i);
@@ -87,20 +88,27 @@ void assess_inputs(const Model& model, const Ensemble& data, Evidence& found) {
     const double usual = finite_median(moving);  // median over the steps at which the input differs between experiments
     if (std::isnan(usual)) {
       weak.always = true;
-      weak.spread = 0.0;
+      weak.spread = found.input_spread[size_t(i)] = 0.0;
       result.push_back(weak);
       continue;
     }
+    double least = nan;
+    for (const double s : spread) least = std::fmin(least, s / usual);
     for (Index k = 0; k < data.steps(); ++k)
       if (spread[size_t(k)] < bounds::weak_input * usual) {
         weak.steps.push_back(k);
         weak.spread = std::min(weak.spread, spread[size_t(k)] / usual);
       }
-    if (weak.steps.empty()) continue;
+    if (weak.steps.empty()) {
+      found.input_spread[size_t(i)] = least;
+      continue;
+    }
     // A few experiments may agree by chance, most often if the input has few different values.
     const double agreement = chance_agreement(data, i, 3 * bounds::weak_input * usual);
     const double expected = double(data.steps() * data.inputs()) * std::pow(agreement, double(data.experiments() - 1));
-    if (expected < bounds::chance) result.push_back(weak);
+    if (expected >= bounds::chance) continue;
+    found.input_spread[size_t(i)] = least;
+    result.push_back(weak);
   }
 }
 

@@ -47,6 +47,9 @@ struct Evidence {
   double condition_limit = 0.0;       // larger condition numbers are ill
   std::vector<Index> ill, deficient;  // ill-conditioned steps k; steps k with a rank below the number of unknowns
   std::vector<WeakInput> weak_inputs;
+  // (r) the smallest spread of each input over the experiments at a step, relative to its median over the steps. NaN:
+  // too few samples, a spread that small by chance, or differences over time count.
+  std::vector<double> input_spread;
   bool inputs_over_time = false;        // periodic model: weak inputs are constant over time and experiments
   Index assessed_inputs = 0;            // number of inputs with enough samples to find out whether they are weak
   std::vector<Index> error_peaks;       // steps whose one-step error is much larger than at the other steps

@@ -192,11 +192,18 @@ class Report {
 
   // The rules behind the status. The checks have the bounds.
   std::string thresholds() const {
-    std::vector<std::string> distrust;
+    std::vector<std::string> fits;  // the checks whose small figures lead to distrust
     for (const VerdictCheck& check : verdict_.checks)
-      for (const CheckFigure& figure : check.figures)
-        if (!std::isnan(figure.distrust))
-          distrust.push_back(fmt::format("“{}” below {:.0f} %", in_words(check).subject, figure.distrust));
+      if (check.kind == VerdictCheck::Kind::one_step_fit || check.kind == VerdictCheck::Kind::simulation_fit ||
+          check.kind == VerdictCheck::Kind::prediction_fit)
+        fits.push_back(fmt::format("“{}”", in_words(check).subject));
+    const std::string ahead =
+        verdict_.horizon > 0
+            ? ""
+            : fmt::format(
+                  " A simulation fit from 0 % on is no reason for distrust if predictions {} ahead fit {:.0f} % or more. "
+                  "This does not apply if the inputs of the identification never vary.",
+                  plural(found_.horizon, "step"), bounds::good_fit);
     const std::vector<std::string> rules = {
         fmt::format(
             "The simulation decides. Where the noise that the model states would spoil the simulation of an exact "
@@ -207,13 +214,13 @@ class Report {
         "Good: every check that can be made has passed. The table of the checks below has each figure and the bound "
         "that it needs.",
         "Look closer: a check has not passed. The reasons above say why.",
-        distrust.empty()
+        fits.empty()
             ? "Don’t trust: nothing was tested."
-            : fmt::format(
-                  "Don’t trust: {}, if the noise that the model states does not explain it; an overflow; inputs "
-                  "that never vary, beside a fit that is not good. Noise explains a fit of {:.0f} % or more "
-                  "whose errors are at most {:.2f} times those of an exact model.",
-                  fmt::join(distrust, " or "), bounds::useless_fit, bounds::as_expected)};
+            : fmt::format("Don’t trust: {} below {:.0f} %; an overflow; inputs that never vary, beside a fit "
+                          "that is not good. Noise that the model states explains a fit of {:.0f} % or more "
+                          "whose errors are at most {:.2f} times those of an exact model: it is no reason for "
+                          "distrust.{}",
+                          fmt::join(fits, " or "), bounds::poor_fit, bounds::useless_fit, bounds::as_expected, ahead)};
     return "<details class=\"note\"><summary>How the status is decided</summary>" + list(rules, "plain") +
            "<p><a href=\"#checks\">All checks with their figures and bounds</a></p></details>\n";
   }

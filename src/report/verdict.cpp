@@ -111,7 +111,14 @@ class Assessment {
     check.result = std::max(check.result.value_or(trust), trust);
     check.reasons.push_back({trust, std::move(reason)});
   }
-  void add(Check check) { verdict_.checks.push_back(std::move(check)); }
+  // An exception that keeps a small fit from leading to distrust removes this limit.
+  void add(Check check) {
+    for (CheckFigure& figure : check.figures)
+      if (check.result && *check.result != Trust::distrust &&
+          std::any_of(figure.values.begin(), figure.values.end(), [&](double v) { return v < figure.distrust; }))
+        figure.distrust = std::numeric_limits<double>::quiet_NaN();
+    verdict_.checks.push_back(std::move(check));
+  }
 
   std::string tested() const {
     const Index n = found_.experiments;
@@ -543,6 +550,8 @@ class Assessment {
     const double varying = double(found_.assessed_inputs - Index(found_.weak_inputs.size()));
     Check result = check(Kind::inputs, {"varying", {varying}, Rule::at_least, double(found_.assessed_inputs)});
     result.numbers = {{"inputs", double(model_.inputs)}, {"over_time", found_.inputs_over_time ? 1.0 : 0.0}};
+    if (std::any_of(found_.input_spread.begin(), found_.input_spread.end(), [](double v) { return !std::isnan(v); }))
+      result.figures.push_back({"spread", found_.input_spread, Rule::at_least, bounds::weak_input});
     if (model_.inputs == 0) return untested(std::move(result), Untested::no_inputs);
     if (found_.assessed_inputs == 0) return untested(std::move(result), Untested::few_input_samples);
     if (!result.kept()) result.result = Trust::look_closer;
