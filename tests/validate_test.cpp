@@ -190,6 +190,7 @@ TEST(ExperimentFits, PoolTheOutputsAndMarkOutlyingExperiments) {
     }
 }
 
+// One or two experiments have no usual error, unless one of two overflows.
 TEST(ExperimentFits, MarkNoneOfTwoAndThoseThatOverflow) {
   const Model system = oscillator(20);
   ExperimentOptions options;
@@ -198,6 +199,11 @@ TEST(ExperimentFits, MarkNoneOfTwoAndThoseThatOverflow) {
   Ensemble far = data.subset({0, 1});
   for (Index k = 0; k < 20; ++k) far.output(k).row(0) *= -1;
   EXPECT_FALSE(experiment_fits(system, far).outlying(0));
+  Ensemble over = data.subset({0, 1});
+  over.u(1, 5, 0) = 1e200;
+  EXPECT_FALSE(experiment_fits(system, over).outlying(0));
+  EXPECT_TRUE(experiment_fits(system, over).outlying(1));
+  EXPECT_FALSE(experiment_fits(system, over.subset({1})).outlying(0));  // alone
   Ensemble huge = data;
   huge.u(3, 5, 0) = 1e200;  // the squares of the outputs of the model are infinite
   const ExperimentFits found = experiment_fits(system, huge);
@@ -209,7 +215,7 @@ TEST(ExperimentFits, MarkNoneOfTwoAndThoseThatOverflow) {
 // An observer of output 0 that predicts the last sample. After a jump of experiment 3, one prediction of this output is
 // wrong, but the simulation of all later steps. Output 1 has errors in between.
 TEST(ExperimentFits, NameTheOutputOfTheErrorThatGivesTheExcess) {
-  Model system = constant_system({1, 1, 2}, 30, 1.0, 5);
+  Model system = constant_system({1, 2, 1}, 30, 1.0, 5);
   for (Step& step : system.step) {
     step.A()(0, 0) = 1.0, step.B()(0, 0) = 1.0, step.C() << 1.0, 0.0, step.D() << 0.0, 1.0, step.G() << -1.0, 0.0;
   }

@@ -90,7 +90,8 @@ struct ExperimentFits {
   std::vector<std::optional<Index>> worst_output;
 
   Index experiments() const { return excess.size(); }
-  // The errors of experiment n are much larger than the usual ones. Never true of fewer than three experiments.
+  // The errors of experiment n are much larger than the usual ones. Of fewer than three experiments, this is true only
+  // of one whose errors overflow beside another one.
   bool outlying(Index n) const { return excess(n) > 1; }
 };
 // All experiments count, copies too. \throws as validate()

@@ -194,7 +194,8 @@ class ExperimentFits(_Result):
     excess : ndarray, shape (N,)
         The larger one of both errors over their limits.
     outlying : ndarray of bool, shape (N,)
-        Whether an error is above its limit. Never true of fewer than three experiments.
+        Whether an error is above its limit. Of fewer than three experiments, this is true only of one whose errors
+        overflow beside another one.
     worst_first : list of int
         The experiments in falling order of their excess.
     worst_output : list of int or None, shape (N,)
