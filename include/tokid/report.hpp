@@ -24,8 +24,8 @@ enum class Evaluation {
   training   // the training data
 };
 
-// Confidence bands of the pulse, step and frozen frequency responses on a page. The responses of the model itself tell
-// the bands of other models.
+// Confidence bands of the pulse, step and frozen frequency responses on a page. The responses of the model itself are
+// stored beside them: they identify bands that belong to another model.
 struct ResponseBands {
   double level = 0.95;
   Index replicates = 0;       // successful replicates of the bootstrap
