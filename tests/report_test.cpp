@@ -1223,7 +1223,7 @@ TEST(Responses, OfFrozenStepsAreThoseThatWereAsked) {
   EXPECT_EQ(found.left_out, (std::vector<Index>{0}));  // no window of outputs lies around it
   // Another model at the same steps and frequencies, which need not be its own ones.
   const Model other = constant_system({3, 2, 2}, 60, 0.7, 7);
-  const auto theirs = report::frozen_responses_of(other, found, model.dt);
+  const auto theirs = report::frozen_responses_of(other, report::modes_of_page(other), found, model.dt);
   ASSERT_EQ(theirs.size(), 2u);
   const auto expected = frequency_response(other.at(20), model.dt, found.frequencies);
   // The frozen system of a constant one is that system in coordinates of its outputs. Its rounding errors grow by the
@@ -1231,7 +1231,7 @@ TEST(Responses, OfFrozenStepsAreThoseThatWereAsked) {
   for (size_t i = 0; i < expected.size(); ++i)
     EXPECT_LE((theirs[0][i] - expected[i]).cwiseAbs().maxCoeff(), 1e-11 * expected[i].cwiseAbs().maxCoeff());
   const Model brief = constant_system({3, 2, 2}, 22, 0.7, 7);
-  EXPECT_TRUE(report::frozen_responses_of(brief, found, model.dt)[1].empty());
+  EXPECT_TRUE(report::frozen_responses_of(brief, report::modes_of_page(brief), found, model.dt)[1].empty());
 }
 
 TEST(Responses, PhasesHaveNoJumps) {
