@@ -70,6 +70,23 @@ def test_files_folders_and_patterns_are_the_same_data(tokid, plant, tmp_path):
             np.testing.assert_array_equal(values, other[name])
 
 
+def test_convert_never_replaces_a_recording(tokid, tmp_path):
+    folder = tmp_path / "runs"
+    folder.mkdir()
+    texts = {}
+    for name in ("a", "b", "c"):
+        texts[name] = f"t [s],u,y\n0,{ord(name)},2\n1,2,3\n"
+        write(folder / f"{name}.csv", texts[name])
+    files = sorted(folder.iterdir())
+    # OUT was forgotten: the shell put the last recording there.
+    for names in (files, files[:2]):
+        assert "may be a recording, so it was not replaced" in tokid("convert", *names, status=2).stderr
+    for paths in ([folder], [folder / "*.csv"], [files[0], folder / "[bc].csv"]):
+        message = tokid("convert", *paths, folder / "b.csv", status=2).stderr
+        assert "another file of this command has this name, and writing would replace it" in message
+    assert {path.stem: path.read_text() for path in folder.iterdir()} == texts
+
+
 DIALECTS = {
     "semicolons and decimal commas": rows(lambda k, u, y: f"{0.1 * k:.1f};{u};{y}".replace(".", ","), ","),
     "tabs": rows(lambda k, u, y: f"{0.1 * k:.1f}\t{u}\t{y}"),
