@@ -55,6 +55,12 @@ TEST(Cells, Numbers) {
   for (const char* text : {"1.5", "1.234,5"}) EXPECT_FALSE(io::number_from(text, ',')) << text;
 }
 
+TEST(Cells, Thousands) {
+  for (const char* text : {"1,000", "-25.125", "+999,999"}) EXPECT_TRUE(io::may_be_thousands(text)) << text;
+  for (const char* text : {"", "1000", "0,125", "1.25", "1.0000", "1000.125", "1,000,000", "1e3,000", ".125", "1,00e"})
+    EXPECT_FALSE(io::may_be_thousands(text)) << text;
+}
+
 TEST(Cells, Labels) {
   const auto check = [](const char* column, const char* name, const char* unit) {
     const io::Label label = io::label_from(column);

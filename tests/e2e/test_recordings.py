@@ -108,6 +108,22 @@ def test_dialects(tokid, tmp_path, dialect, encoding):
     assert ("Latin-1" in warnings) == (encoding == "latin-1")
 
 
+def test_marks_of_thousands_are_not_decimal_marks(tokid, tmp_path):
+    thousands = 't [s],u,y\n0,999,"1,000"\n1,998,"1,001"\n'
+    message = tokid("info", write(tmp_path / "data.csv", thousands), status=2).stderr
+    assert "line 2: '1,000' found; its comma and those of all numbers may group thousands" in message
+    for text, remark in [
+        ("t [s];u;y\n0;999;1.000\n1;998;1.001\n", "points in numbers were read as decimal points: 1.000 is 1; write"),
+        ("t [s];u;y\n0;999;1,000\n1;998;1,001\n", "commas in numbers were read as decimal commas: 1,000 is 1; write"),
+        ("t [s];u;y\n0;9;1,5\n1;9;1,001\n", "commas in numbers were read as decimal commas: 1,5 is 1.5"),
+        ('t [s],u,y\n0,9,"1,001"\n1,9,"0,125"\n', "commas in numbers were read as decimal commas: 1,5 is 1.5"),
+    ]:
+        data, warnings = read(tokid, tmp_path, write(tmp_path / "data.csv", text))
+        assert remark in warnings and 1.001 in data["y"]
+    for text in ("t [s];u;y\n0;9;1.5\n1;9;1.001\n", "t [s],u,y\n0,9,1.000\n1,9,1.001\n"):
+        assert "decimal" not in read(tokid, tmp_path, write(tmp_path / "data.csv", text))[1]
+
+
 TIMES = {
     "milliseconds": ("t [ms]", lambda k: f"{100 * k}"),
     "ISO 8601": ("Zeitpunkt", lambda k: f"2026-11-27T23:59:59.{k}+01:00"),

@@ -250,6 +250,7 @@ class NumberReader {
   double number(std::string_view cell, Index line, const std::string& column) {
     if (is_missing(cell) || contains(words_, cell)) return missing;
     if (const auto value = value_of(cell, line, column)) {
+      only_thousands_ = only_thousands_ && (cell.find(mark_) == std::string_view::npos || may_be_thousands(cell));
       const bool stated = std::find(numbers_.begin(), numbers_.end(), *value) != numbers_.end();
       return stated ? missing : *value;
     }
@@ -260,6 +261,21 @@ class NumberReader {
   }
 
   const Guesses& guesses() const { return guesses_; }
+  // How the marks in numbers were read, if a program may have meant them otherwise. Must be called after the last
+  // number. \throws IoError if commas in a table with commas between cells can as well group thousands
+  std::optional<std::string> remark_on_marks(char separator) const {
+    if (mark_ == '\0' || (mark_ == '.' && (separator == ',' || !only_thousands_))) return std::nullopt;
+    if (mark_ == ',' && separator == ',' && only_thousands_)
+      fail(
+          "line {}: '{}' found; its comma and those of all numbers may group thousands or be decimal commas; numbers "
+          "without marks of thousands and with a decimal point needed",
+          mark_line_, words::quoted(mark_cell_));
+    const char* name = mark_ == ',' ? "comma" : "point";
+    return only_thousands_
+               ? fmt::format("{0}s in numbers were read as decimal {0}s: 1{1}000 is 1; write thousands without {0}s",
+                             name, mark_)
+               : fmt::format("{0}s in numbers were read as decimal {0}s: 1{1}5 is 1.5", name, mark_);
+  }
   // A number of a decimal comma as one of a decimal point; for the precision of times.
   std::string with_point(std::string text) const {
     if (mark_ == ',') std::replace(text.begin(), text.end(), ',', '.');
@@ -298,6 +314,7 @@ class NumberReader {
   char mark_ = '\0';  // not decided
   Index mark_line_ = 0;
   std::string mark_cell_;
+  bool only_thousands_ = true;  // of the numbers with a mark: each may be a whole number with a mark of thousands
   Guesses guesses_;
 };
 
@@ -340,7 +357,8 @@ class RecordReader {
                                  : trigger_->holds(std::string_view(cell)));
   }
 
-  Records take(DateOrder order) {
+  Records take(DateOrder order, char separator) {
+    if (auto remark = numbers_.remark_on_marks(separator)) records_.remarks.push_back(*std::move(remark));
     if (chosen_.stamped) {
       StampTimes times = times_of(stamps_, records_.rows.line, stamp_texts_, order);
       for (const double time : times.seconds)
@@ -490,7 +508,7 @@ Table read_table(const std::filesystem::path& path, const ReadOptions& options, 
     if (text.has_open_end(*row)) cut = remark_on_end(*row, header);
   }
   Table table;
-  table.records = reader.take(options.dates);
+  table.records = reader.take(options.dates, start.dialect.separator);
   if (table.records.rows.time.empty()) fail("no rows after the header found, samples needed");
   table.channels = channels_of(header, chosen, wanted);
   table.input_titles = titles_of(header, chosen.inputs), table.output_titles = titles_of(header, chosen.outputs);
