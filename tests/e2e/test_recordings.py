@@ -258,6 +258,29 @@ def test_trigger(tokid, tmp_path):
     np.testing.assert_array_equal(data["u"][1, :9, 0], range(-4, 5))
 
 
+def test_trigger_that_holds_at_the_first_row(tokid, tmp_path):
+    folder = tmp_path / "runs"
+    folder.mkdir()
+    for run, valve in {"a": [0, 0, 1, 1, 1, 0], "b": [1, 1, 0, 1, 1, 0], "c": [1, 1, 1, 0, 0, 0],
+                       "d": ["", "Bad", 1, 1, 1, 0]}.items():
+        write(folder / f"{run}.csv", "t [s],u,y,valve\n" + "".join(f"{k},{k},2,{v}\n" for k, v in enumerate(valve)))
+    data, warnings = read(tokid, tmp_path, folder, "--trigger", "valve > 0.5")
+    np.testing.assert_array_equal(data["u"][:, 0, 0], [2, 3, 0, 2])
+    assert "it already holds at the first row of experiment 'b'; step 0 is where it begins to hold again" in warnings
+    assert "it already holds at the first row of experiments 'c', 'd', so the event may be earlier" in warnings
+
+
+def test_missing_words_fulfil_no_trigger(tokid, tmp_path):
+    phases = ["Bad", "idle", "I/O Timeout", "out", "heat", "heat"]
+    text = "t [s],u,y,phase\n" + "".join(f"{k},{k},2,{phase}\n" for k, phase in enumerate(phases))
+    path = write(tmp_path / "data.csv", text)
+    data, warnings = read(tokid, tmp_path, path, "--trigger", "phase != idle", "--missing", "out")
+    assert data["u"][0, 0, 0] == 4
+    assert "2 cells with 'Bad', 'I/O Timeout' were read as missing samples" in warnings
+    data, _ = read(tokid, tmp_path, path, "--trigger", "phase == 'I/O Timeout'")
+    assert data["u"][0, 0, 0] == 2
+
+
 def test_resampling(tokid, tmp_path):
     rng = np.random.default_rng(5)
     t = np.arange(0, 10.01, 0.05) + np.append(0, rng.uniform(-0.02, 0.02, 200))

@@ -51,16 +51,15 @@ class Trigger {
   }
 
   bool of_number() const { return number_.has_value(); }
-  // A missing sample (NaN) fulfils no condition.
   bool holds(double value) const {
-    if (std::isnan(value)) return false;
     if (comparison_ == ">") return value > *number_;
     if (comparison_ == ">=") return value >= *number_;
     if (comparison_ == "<") return value < *number_;
     if (comparison_ == "<=") return value <= *number_;
     return (value == *number_) != (comparison_ == "!=");
   }
-  bool holds(std::string_view cell) const { return !cell.empty() && (cell == value_) != (comparison_ == "!="); }
+  bool is_value(std::string_view cell) const { return cell == value_; }
+  bool holds(std::string_view cell) const { return is_value(cell) != (comparison_ == "!="); }
 
   std::string column;
 
@@ -254,10 +253,17 @@ class NumberReader {
       const bool stated = std::find(numbers_.begin(), numbers_.end(), *value) != numbers_.end();
       return stated ? missing : *value;
     }
-    if (!is_word_for_missing(cell)) fail_number(cell, line, column);
-    Guess& guess = guesses_[std::string(cell)];
-    if (guess.cells++ == 0) guess.first = fmt::format("line {}, column '{}'", line, column);
+    if (!stands_for_missing(cell, line, column)) fail_number(cell, line, column);
     return missing;
+  }
+
+  // Does a text stand for a missing sample? Words that nobody stated are counted as guesses.
+  bool stands_for_missing(std::string_view text, Index line, const std::string& column) {
+    if (is_missing(text) || contains(words_, text)) return true;
+    if (!is_word_for_missing(text)) return false;
+    Guess& guess = guesses_[std::string(text)];
+    if (guess.cells++ == 0) guess.first = fmt::format("line {}, column '{}'", line, column);
+    return true;
   }
 
   const Guesses& guesses() const { return guesses_; }
@@ -350,11 +356,7 @@ class RecordReader {
     for (const auto* columns : {&chosen_.inputs, &chosen_.outputs})
       for (const size_t c : *columns)
         records_.samples.push_back(numbers_.number(row.cells[c], row.line, header_[c].title));
-    if (!trigger_) return;
-    const std::string& cell = row.cells[event_column_];
-    records_.event.push_back(trigger_->of_number()
-                                 ? trigger_->holds(numbers_.number(cell, row.line, header_[event_column_].title))
-                                 : trigger_->holds(std::string_view(cell)));
+    if (trigger_) records_.event.push_back(event_of(row));
   }
 
   Records take(DateOrder order, char separator) {
@@ -372,6 +374,19 @@ class RecordReader {
   const Guesses& guesses() const { return numbers_.guesses(); }
 
  private:
+  // A missing sample fulfils no condition, and does not fail it either.
+  Event event_of(const Row& row) {
+    const std::string &cell = row.cells[event_column_], &title = header_[event_column_].title;
+    const auto known = [](bool holds) { return holds ? Event::holds : Event::fails; };
+    if (trigger_->of_number()) {
+      const double value = numbers_.number(cell, row.line, title);
+      return std::isnan(value) ? Event::unknown : known(trigger_->holds(value));
+    }
+    // The word of the condition is meant, even if it usually stands for a missing sample.
+    if (!trigger_->is_value(cell) && numbers_.stands_for_missing(cell, row.line, title)) return Event::unknown;
+    return known(trigger_->holds(std::string_view(cell)));
+  }
+
   // Spreadsheet programs write rows without any content below a table. Without times, such a row is a step.
   bool is_blank(const Row& row) const {
     return (chosen_.time || chosen_.step) &&

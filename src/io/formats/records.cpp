@@ -68,6 +68,43 @@ std::string some_of(const Names& names) {
   return names.size() > most ? fmt::format("{} and {} more", quoted(first), names.size() - most) : quoted(first);
 }
 
+// The rows of each experiment, in the order of their times.
+std::vector<std::vector<size_t>> rows_in_order(const TimeColumn& rows) {
+  std::vector<std::vector<size_t>> order(rows.experiments.size());
+  for (size_t i = 0; i < rows.time.size(); ++i) order[size_t(rows.experiment[i])].push_back(i);
+  for (std::vector<size_t>& own : order)
+    std::stable_sort(own.begin(), own.end(), [&](size_t a, size_t b) { return rows.time[a] < rows.time[b]; });
+  return order;
+}
+
+// ---- triggers ----
+
+// When the trigger first holds in an experiment, and when it first begins to hold.
+struct Onset {
+  std::optional<double> first, change;
+  bool from_first_row = false;
+
+  std::optional<double> time() const { return change ? change : first; }
+};
+
+Onset onset_of(const Records& records, const std::vector<size_t>& order) {
+  Onset onset;
+  Event last = Event::unknown;
+  for (const size_t i : order) {
+    const Event now = records.event[i];
+    if (now == Event::unknown) continue;
+    if (now == Event::holds && !onset.first)
+      onset.first = records.rows.time[i], onset.from_first_row = last == Event::unknown;
+    if (now == Event::holds && last == Event::fails && !onset.change) onset.change = records.rows.time[i];
+    last = now;
+  }
+  return onset;
+}
+
+std::string experiments_named(const Names& names) {
+  return fmt::format("{} {}", names.size() == 1 ? "experiment" : "experiments", some_of(names));
+}
+
 // ---- resampling ----
 
 // One channel of one experiment: its samples that are not missing, in the order of time.
@@ -241,30 +278,30 @@ void begin_together(Records& records) {
 }
 
 void align(const std::string& trigger, Records& records) {
-  const size_t experiments = records.rows.experiments.size();
-  std::vector<double> begin(experiments, infinite);
-  for (size_t i = 0; i < records.rows.time.size(); ++i) {
-    double& time = begin[size_t(records.rows.experiment[i])];
-    if (records.event[i]) time = std::min(time, records.rows.time[i]);
-  }
+  TimeColumn& rows = records.rows;
+  std::vector<Onset> onsets;
+  for (const std::vector<size_t>& own : rows_in_order(rows)) onsets.push_back(onset_of(records, own));
   std::vector<bool> kept;
-  Names without;
-  for (size_t n = 0; n < experiments; ++n) {
-    kept.push_back(begin[n] < infinite);
-    if (!kept.back()) without.push_back(records.rows.experiments[n]);
+  Names without, begun, again;
+  for (size_t n = 0; n < onsets.size(); ++n) {
+    kept.push_back(onsets[n].time().has_value());
+    if (!kept.back()) without.push_back(rows.experiments[n]);
+    if (onsets[n].from_first_row) (onsets[n].change ? again : begun).push_back(rows.experiments[n]);
   }
-  if (without.size() == experiments)
+  if (without.size() == onsets.size())
     fail("trigger '{}': it holds at no row of any experiment; a condition that holds somewhere needed", trigger);
-  for (size_t i = 0; i < records.rows.time.size(); ++i) {
-    const double time = begin[size_t(records.rows.experiment[i])];
-    if (time < infinite) records.rows.time[i] -= time;
-  }
+  for (size_t i = 0; i < rows.time.size(); ++i) rows.time[i] -= onsets[size_t(rows.experiment[i])].time().value_or(0.0);
   records.event.clear();
-  if (without.empty()) return;
-  keep(kept, records);
-  records.remarks.push_back(fmt::format("trigger '{}': it never holds in {} {}, which {} dropped", trigger,
-                                        without.size() == 1 ? "experiment" : "experiments", some_of(without),
-                                        without.size() == 1 ? "was" : "were"));
+  if (!without.empty()) keep(kept, records);
+  const auto remark = [&](const Names& names, const std::string& what) {
+    if (!names.empty()) records.remarks.push_back(fmt::format("trigger '{}': it {}", trigger, what));
+  };
+  remark(without, fmt::format("never holds in {}, which {} dropped", experiments_named(without),
+                              without.size() == 1 ? "was" : "were"));
+  remark(begun, fmt::format("already holds at the first row of {}, so the event may be earlier; that row became step 0",
+                            experiments_named(begun)));
+  remark(again, fmt::format("already holds at the first row of {}; step 0 is where it begins to hold again",
+                            experiments_named(again)));
 }
 
 void resample(const Resampling& choice, bool aligned, Records& records) {
@@ -274,11 +311,9 @@ void resample(const Resampling& choice, bool aligned, Records& records) {
     fail("resample: {} found, a positive time in seconds needed", choice.dt);
   const TimeColumn& rows = records.rows;
   const double dt = rows.unit.from_seconds(choice.dt);
-  std::vector<std::vector<size_t>> order(rows.experiments.size());
-  for (size_t i = 0; i < rows.time.size(); ++i) order[size_t(rows.experiment[i])].push_back(i);
+  const std::vector<std::vector<size_t>> order = rows_in_order(rows);
   std::vector<double> distances;
-  for (std::vector<size_t>& own : order) {
-    std::stable_sort(own.begin(), own.end(), [&](size_t a, size_t b) { return rows.time[a] < rows.time[b]; });
+  for (const std::vector<size_t>& own : order) {
     for (size_t i = 1; i < own.size(); ++i)
       if (const double distance = rows.time[own[i]] - rows.time[own[i - 1]]; distance > 0)
         distances.push_back(distance);

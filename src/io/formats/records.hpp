@@ -14,13 +14,16 @@ namespace tokid::io {
 // What states the steps of the rows: times, step numbers, or the order of the rows.
 enum class StepSource { times, numbers, order };
 
+// Does the trigger hold at a row? Unknown: its sample is missing.
+enum class Event : unsigned char { unknown, fails, holds };
+
 struct Records {
   Names inputs, outputs;  // names of the r + m channels
   StepSource source = StepSource::order;
   std::string doubt;  // the end of messages about step numbers that may be something else
   TimeColumn rows;
   std::vector<double> samples;  // (rows, r + m)
-  std::vector<bool> event;      // of each row: does the trigger hold? Empty: no trigger
+  std::vector<Event> event;     // of each row, with a trigger
   Names remarks;                // on what was done with the rows
 
   size_t channels() const { return inputs.size() + outputs.size(); }
@@ -32,8 +35,10 @@ void append(const Records& more, Records& to);
 // If no step is common to all experiments, each experiment begins with its own first row.
 void begin_together(Records& records);
 
-// Moves the time of each experiment, so that the first row at which the trigger holds has the time 0. Experiments in
-// which it never holds are dropped, and a remark names them. \throws IoError if it holds in no experiment
+// Moves the time of each experiment, so that the first row at which the trigger begins to hold has the time 0. If it
+// already holds at the first row and does not begin again, this row has the time 0. Remarks name the experiments in
+// which it already holds at the first row, and those in which it never holds, which are dropped. \throws IoError if it
+// holds in no experiment
 void align(const std::string& trigger, Records& records);
 
 struct Resampling {
