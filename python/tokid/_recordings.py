@@ -26,11 +26,12 @@ def read_options(
     outputs_required: bool = False,
     missing: Sequence[Any] = (),
     dates: Optional[str] = None,
+    dt: Optional[float] = None,
     trigger: Optional[str] = None,
     before: int = 0,
     resample: Optional[float] = None,
     resample_method: str = "linear",
-    longest_gap: int = 3,
+    longest_gap: Optional[int] = None,
 ) -> _tokid.ReadOptions:
     """The options of the reader of files. See `Ensemble.load`."""
     for name, words in (("inputs", inputs), ("outputs", outputs), ("missing", missing)):
@@ -46,11 +47,12 @@ def read_options(
     options.outputs_required = bool(outputs_required)
     options.missing = [str(word) for word in missing]
     options.dates = dates or ""
+    options.dt = None if dt is None else _options.real("dt", dt, 0.0)
     options.trigger = trigger or ""
     options.before = _options.integer("before", before, 0)
     options.resample = None if resample is None else _options.real("resample", resample, 0.0)
     options.resample_method = resample_method
-    options.longest_gap = _options.integer("longest_gap", longest_gap, 1)
+    options.longest_gap = None if longest_gap is None else _options.integer("longest_gap", longest_gap, 1)
     return options
 
 

@@ -302,6 +302,46 @@ def test_resampling(tokid, tmp_path):
     np.testing.assert_array_equal(data["u"][0, 2, 0], 2 * t[t <= 1.0][-1])
 
 
+def test_channels_that_are_logged_at_their_changes(tokid, tmp_path):
+    # The set point u is logged at 0 s and at 50 s, y each second; the set point is valid up to the end.
+    rows = [(k, {0: "5", 50: "7"}.get(k, ""), "" if k == 3 else str(k)) for k in range(101)]
+    text = "t [s],u,y\n" + "".join(f"{k},{u},{y}\n" for k, u, y in rows)
+    path = write(tmp_path / "data.csv", text)
+    data, warnings = read(tokid, tmp_path, path, "--resample", "1", "--resample-method", "previous")
+    np.testing.assert_array_equal(data["u"][0, :, 0], [5] * 50 + [7] * 51)
+    assert data["y"][0, 3, 0] == 2 and "samples are up to 50 s old" in warnings and "missing" not in warnings
+    data, warnings = read(tokid, tmp_path, path, "--resample", "1", "--resample-method", "previous",
+                          "--longest-gap", "4")
+    np.testing.assert_array_equal(np.flatnonzero(~np.isnan(data["u"][0, :, 0])), [0, *range(50, 55)])
+    assert "95 samples stay missing, because the gap there is longer than 4 s" in warnings
+    late = write(tmp_path / "late.csv", text.replace("\n0,5,", "\n0,,"))
+    _, warnings = read(tokid, tmp_path, late, "--resample", "1", "--resample-method", "previous")
+    assert "50 samples stay missing before the first or after the last sample of the channel" in warnings
+    assert "because the gap" not in warnings
+
+
+def test_times_that_jitter_are_moved(tokid, tmp_path):
+    rng = np.random.default_rng(3)
+    t = np.arange(300) + rng.uniform(-1e-3, 1e-3, 300)
+    text = "t [s],u,y\n" + "".join(f"{v:.6f},{k},2\n" for k, v in enumerate(t))
+    path = write(tmp_path / "data.csv", text)
+    refused = tokid("info", path, status=2).stderr
+    assert "move the times to even steps of 1 s (option dt), resample to even times" in refused
+    assert "# dt" not in refused  # this would not help
+    data, warnings = read(tokid, tmp_path, path, "--dt", "1")
+    assert data["dt"] == 1
+    np.testing.assert_array_equal(data["u"][0, :, 0], range(300))
+    assert "times were moved by up to 0.001 s to even steps of 1 s (option dt)" in warnings
+    write(path, text + "300.2,300,2\n")
+    message = tokid("info", path, "--dt", "1", status=2).stderr
+    assert "line 302, column 't [s]': 300.2 found, which lies more than a tenth of a step beside" in message
+    assert "'dt = 0.5' found, but all rows" in tokid("info", write(path, text), "--dt", "0.5", status=2).stderr
+    message = tokid("info", path, "--dt", "1", "--resample", "1", status=2).stderr
+    assert "dt: a sample time found together with resample" in message
+    rows = write(tmp_path / "rows.csv", "u,y\n1,2\n2,3\n")
+    assert read(tokid, tmp_path, rows, "--dt", "0.25")[0]["dt"] == 0.25
+
+
 def test_wide_tables(tokid, tmp_path):
     channels = 2000
     names = ["t [s]", "u", *(f"y{c} [m]" for c in range(channels))]

@@ -85,7 +85,13 @@ void check_options(const ReadOptions& options) {
   if (options.before < 0) refuse("before", options.before, "a number of steps from 0 on");
   if (options.before > 0 && options.trigger.empty())
     throw std::invalid_argument("before: no trigger found. Steps before the trigger can be kept only with a trigger");
-  if (options.longest_gap < 1) refuse("longest_gap", options.longest_gap, "a number of steps from 1 on");
+  if (options.longest_gap && *options.longest_gap < 1)
+    refuse("longest_gap", *options.longest_gap, "a number of steps from 1 on");
+  if (options.dt && !(*options.dt > 0 && std::isfinite(*options.dt)))
+    refuse("dt", *options.dt, "a positive sample time in seconds");
+  if (options.dt && options.resample)
+    throw std::invalid_argument(
+        "dt: a sample time found together with resample, which states another one; leave one out");
   if (options.resample && !(*options.resample > 0 && std::isfinite(*options.resample)))
     refuse("resample", *options.resample, "a positive sample time in seconds");
 }
@@ -657,6 +663,12 @@ void check_length(const Table& table) {
          experiments);
 }
 
+std::optional<Index> longest_gap(const ReadOptions& options) {
+  constexpr Index usual = 3;
+  if (options.longest_gap) return Index(*options.longest_gap);
+  return options.resample_method == ResampleMethod::previous ? std::nullopt : std::optional(usual);
+}
+
 // Aligns, resamples and assembles the rows.
 Ensemble ensemble_of(Table table, const ReadOptions& options, bool many) {
   const bool aligned = !options.trigger.empty();
@@ -665,10 +677,10 @@ Ensemble ensemble_of(Table table, const ReadOptions& options, bool many) {
     align(options.trigger, records);
   else if (many || table.stamped)
     begin_together(records);
-  if (options.resample)
-    resample({*options.resample, options.resample_method, Index(options.longest_gap)}, aligned, records);
+  if (options.resample) resample({*options.resample, options.resample_method, longest_gap(options)}, aligned, records);
   Assembly assembly;
-  assembly.dt = options.resample ? options.resample : table.dt;
+  assembly.dt = options.resample ? options.resample : options.dt ? options.dt : table.dt;
+  assembly.moved = options.dt.has_value();
   if (aligned) assembly.before = Index(options.before);
   assembly.own_lengths = many || aligned || options.resample;
   Ensemble e = assembled(records, assembly);

@@ -128,6 +128,7 @@ void check_no_csv_options(const ReadOptions& options) {
   };
   refuse(!options.missing.empty(), "missing");
   refuse(options.dates != DateOrder::automatic, "dates");
+  refuse(options.dt.has_value(), "dt");
   refuse(!options.trigger.empty(), "trigger");
   refuse(options.resample.has_value(), "resample");
 }

@@ -136,28 +136,47 @@ double median_of(std::vector<double> values) {
   return *middle;
 }
 
-// `slack`: times that differ by less are the same, because they are rounded.
-double at(const Signal& s, double time, double dt, double longest, double slack, ResampleMethod method) {
-  if (s.time.empty()) return no_sample;
-  if (method == ResampleMethod::mean) {
-    const auto begin = std::lower_bound(s.time.begin(), s.time.end(), time - 0.5 * dt - slack);
-    const auto end = std::lower_bound(begin, s.time.end(), time + 0.5 * dt - slack);
-    if (begin == end) return no_sample;
-    const auto value = s.value.begin() + (begin - s.time.begin());
-    return std::accumulate(value, value + (end - begin), 0.0) / double(end - begin);
-  }
-  const auto after = std::upper_bound(s.time.begin(), s.time.end(), time + slack);
-  if (after == s.time.begin()) return no_sample;
-  const size_t i = size_t(after - s.time.begin()) - 1;
-  if (std::abs(s.time[i] - time) <= slack) return s.value[i];
-  if (after == s.time.end() || *after - s.time[i] > longest + slack) return no_sample;
-  if (method == ResampleMethod::previous) return s.value[i];
-  const double share = (time - s.time[i]) / (*after - s.time[i]);
-  return (1.0 - share) * s.value[i] + share * s.value[i + 1];
+// How a channel is resampled, in the unit of the times.
+struct Filling {
+  ResampleMethod method = ResampleMethod::linear;
+  double dt = 1.0, longest = infinite;  // the grid, and the longest gap that is filled
+  double slack = 0.0;                   // times that differ by less are the same, because they are rounded
+};
+
+// A sample of the grid. `age`: the time since the sample that it repeats.
+struct Filled {
+  double value = no_sample, age = 0.0;
+  bool in_gap = false;  // missing because of a long gap; else because its channel has no sample before it or after it
+};
+
+Filled average(const Signal& s, double time, const Filling& filling) {
+  const auto begin = std::lower_bound(s.time.begin(), s.time.end(), time - 0.5 * filling.dt - filling.slack);
+  const auto end = std::lower_bound(begin, s.time.end(), time + 0.5 * filling.dt - filling.slack);
+  if (begin == end) return {no_sample, 0.0, begin != s.time.begin() && end != s.time.end()};
+  const auto value = s.value.begin() + (begin - s.time.begin());
+  return {std::accumulate(value, value + (end - begin), 0.0) / double(end - begin)};
 }
 
-// What the method does to noise that is independent from sample to sample.
-std::string effect_on_noise(ResampleMethod method, double dt, double usual) {
+// The time is at most that of the last row of the experiment, up to which the method previous holds the last sample.
+Filled at(const Signal& s, double time, const Filling& filling) {
+  if (s.time.empty()) return {};
+  if (filling.method == ResampleMethod::mean) return average(s, time, filling);
+  const auto after = std::upper_bound(s.time.begin(), s.time.end(), time + filling.slack);
+  if (after == s.time.begin()) return {};
+  const size_t i = size_t(after - s.time.begin()) - 1;
+  const double age = std::max(time - s.time[i], 0.0);
+  if (age <= filling.slack) return {s.value[i]};
+  const bool hold = filling.method == ResampleMethod::previous;
+  if (after == s.time.end() && !hold) return {};
+  if ((after == s.time.end() ? age : *after - s.time[i]) > filling.longest + filling.slack)
+    return {no_sample, 0.0, true};
+  if (hold) return {s.value[i], age};
+  const double share = (time - s.time[i]) / (*after - s.time[i]);
+  return {(1.0 - share) * s.value[i] + share * s.value[i + 1]};
+}
+
+// What the method does to noise that is independent from sample to sample. `oldest`: age of the oldest repeated sample.
+std::string effect_on_noise(ResampleMethod method, double dt, double usual, double oldest) {
   const double samples = dt / usual;
   switch (method) {
     case ResampleMethod::linear:
@@ -174,9 +193,11 @@ std::string effect_on_noise(ResampleMethod method, double dt, double usual) {
                                  "noise, and fast motion is averaged too",
                                  samples, 1.0 / std::sqrt(samples));
     default:
-      return samples < 1.0 ? "samples are repeated, so their noise is the same in neighbouring steps, and tests of "
-                             "whiteness are too optimistic"
-                           : fmt::format("samples are up to {:.4g} s old", usual);
+      return fmt::format("samples are up to {:.4g} s old{}", oldest,
+                         samples < 1.0
+                             ? " and repeated, so their noise is the same in neighbouring steps, and tests of "
+                               "whiteness are too optimistic"
+                             : "");
   }
 }
 
@@ -188,9 +209,22 @@ const char* name_of(ResampleMethod method) {
 
 struct Steps {
   Grid grid;
-  double origin = 0.0;  // step of the grid that is step 0 of the ensemble
+  std::optional<std::string> remark;  // on times that were moved
+  double origin = 0.0;                // step of the grid that is step 0 of the ensemble
   Index count = 1;
 };
+
+// The grid to whose steps the times are moved, and a remark where they are moved farther than by rounding.
+void move_to_grid(const TimeColumn& rows, double dt, Steps& steps) {
+  const MovedGrid moved = moved_grid(rows, dt);
+  steps.grid = moved.grid;
+  constexpr double unnoticed = 1e-6;  // of a step, as time_grid() permits
+  const auto [first, last] = std::minmax_element(rows.time.begin(), rows.time.end());
+  const double rounding = rows.precision.unit(std::max(std::abs(*first), std::abs(*last)));
+  if (moved.largest > std::max(unnoticed * moved.grid.dt, rounding))
+    steps.remark = fmt::format("times were moved by up to {:.3g} s to even steps of {} s (option dt)",
+                               rows.unit.in_seconds(moved.largest), dt);
+}
 
 Steps steps_of(const Records& records, const Assembly& choice) {
   const auto [first, last] = std::minmax_element(records.rows.time.begin(), records.rows.time.end());
@@ -200,7 +234,10 @@ Steps steps_of(const Records& records, const Assembly& choice) {
   if (!records.doubt.empty())
     check_common_steps(records.rows, "step numbers from the begin of each experiment on needed, or the name 'k'");
   Steps result;
-  result.grid = records.source == StepSource::times ? time_grid(records.rows, choice.dt) : Grid{*first, 1.0};
+  if (records.source == StepSource::times && choice.moved && choice.dt)
+    move_to_grid(records.rows, *choice.dt, result);
+  else
+    result.grid = records.source == StepSource::times ? time_grid(records.rows, choice.dt) : Grid{*first, 1.0};
   if (choice.before) result.origin = result.grid.step(0.0) - double(*choice.before);
   const double steps = result.grid.step(*last) - result.origin + 1, rows = double(records.rows.time.size());
   const size_t experiments = records.rows.experiments.size();
@@ -304,22 +341,86 @@ void align(const std::string& trigger, Records& records) {
                             experiments_named(again)));
 }
 
+namespace {
+
+// The median distance of successive rows; 0 if there are none.
+double usual_distance(const TimeColumn& rows, const std::vector<std::vector<size_t>>& order) {
+  std::vector<double> distances;
+  for (const std::vector<size_t>& own : order)
+    for (size_t i = 1; i < own.size(); ++i)
+      if (const double distance = rows.time[own[i]] - rows.time[own[i - 1]]; distance > 0)
+        distances.push_back(distance);
+  return median_of(std::move(distances));
+}
+
+struct FilledCount {
+  Index in_gaps = 0, outside = 0;  // missing samples
+  double oldest = 0.0;             // age of a repeated sample
+
+  void add(const Filled& sample) {
+    oldest = std::max(oldest, sample.age);
+    if (std::isnan(sample.value)) ++(sample.in_gap ? in_gaps : outside);
+  }
+  void add(const FilledCount& more) {
+    in_gaps += more.in_gaps, outside += more.outside, oldest = std::max(oldest, more.oldest);
+  }
+};
+
+// Appends the samples of an experiment, whose rows are `order`, at the times begin + k dt within it.
+FilledCount add_resampled(const Records& records, Index n, const std::vector<size_t>& order, double begin,
+                          const Filling& filling, Records& to) {
+  std::vector<Signal> signals;
+  for (size_t c = 0; c < records.channels(); ++c) signals.push_back(signal_of(records, order, c));
+  const TimeColumn& rows = records.rows;
+  const double first = std::ceil((rows.time[order.front()] - begin - filling.slack) / filling.dt);
+  const double last = std::floor((rows.time[order.back()] - begin + filling.slack) / filling.dt);
+  FilledCount count;
+  auto nearest = order.begin();
+  for (double k = first; k <= last; ++k) {
+    const double time = begin + k * filling.dt;
+    while (nearest + 1 != order.end() && rows.time[*(nearest + 1)] <= time + filling.slack) ++nearest;
+    to.rows.time.push_back(k * filling.dt);
+    to.rows.experiment.push_back(n);
+    to.rows.line.push_back(rows.line[*nearest]);
+    for (const Signal& s : signals) {
+      const Filled sample = at(s, time, filling);
+      to.samples.push_back(sample.value);
+      count.add(sample);
+    }
+  }
+  return count;
+}
+
+std::string remark_on_resampling(const Resampling& choice, const TimeUnit& unit, double usual, double longest,
+                                 const FilledCount& count) {
+  std::string remark =
+      fmt::format("resampled from about {:.4g} s to {} s by the method {}: {}", unit.in_seconds(usual), choice.dt,
+                  name_of(choice.method),
+                  effect_on_noise(choice.method, choice.dt, usual > 0 ? unit.in_seconds(usual) : choice.dt,
+                                  unit.in_seconds(count.oldest)));
+  const auto stay = [](Index samples) { return samples == 1 ? "sample stays" : "samples stay"; };
+  if (count.in_gaps > 0)
+    remark +=
+        fmt::format("; {} {} missing, because the gap there is longer than {:.4g} s", count.in_gaps,
+                    stay(count.in_gaps), choice.method == ResampleMethod::mean ? choice.dt : unit.in_seconds(longest));
+  if (count.outside > 0)
+    remark += fmt::format("; {} {} missing before the first or after the last sample of the channel", count.outside,
+                          stay(count.outside));
+  return remark;
+}
+
+}  // namespace
+
 void resample(const Resampling& choice, bool aligned, Records& records) {
   if (records.source != StepSource::times)
     fail("resample: no column of times found; a column of times, such as 't [s]', needed");
   if (!(choice.dt > 0) || !std::isfinite(choice.dt))
     fail("resample: {} found, a positive time in seconds needed", choice.dt);
   const TimeColumn& rows = records.rows;
-  const double dt = rows.unit.from_seconds(choice.dt);
   const std::vector<std::vector<size_t>> order = rows_in_order(rows);
-  std::vector<double> distances;
-  for (const std::vector<size_t>& own : order) {
-    for (size_t i = 1; i < own.size(); ++i)
-      if (const double distance = rows.time[own[i]] - rows.time[own[i - 1]]; distance > 0)
-        distances.push_back(distance);
-  }
-  const double usual = median_of(distances), slack = 1e-6 * std::min(dt, usual > 0 ? usual : dt);
-  const double longest = double(choice.longest_gap) * std::max(dt, usual);
+  const double dt = rows.unit.from_seconds(choice.dt), usual = usual_distance(rows, order);
+  const double longest = choice.longest_gap ? double(*choice.longest_gap) * std::max(dt, usual) : infinite;
+  const Filling filling{choice.method, dt, longest, 1e-6 * std::min(dt, usual > 0 ? usual : dt)};
   const double begin = aligned ? 0.0 : *std::min_element(rows.time.begin(), rows.time.end());
 
   Records result = records;
@@ -329,35 +430,12 @@ void resample(const Resampling& choice, bool aligned, Records& records) {
   if (!(total * double(order.size() * records.channels()) * sizeof(double) <= 0.25 * double(memory_limit())))
     fail("resample: {} s found, which makes {:.4g} steps of each experiment, more than fit into memory", choice.dt,
          total);
-  Index unfilled = 0;
-  for (size_t n = 0; n < order.size(); ++n) {
-    std::vector<Signal> signals;
-    for (size_t c = 0; c < records.channels(); ++c) signals.push_back(signal_of(records, order[n], c));
-    const double first = std::ceil((rows.time[order[n].front()] - begin - slack) / dt);
-    const double last = std::floor((rows.time[order[n].back()] - begin + slack) / dt);
-    auto nearest = order[n].begin();
-    for (double k = first; k <= last; ++k) {
-      const double time = begin + k * dt;
-      while (nearest + 1 != order[n].end() && rows.time[*(nearest + 1)] <= time + slack) ++nearest;
-      result.rows.time.push_back(k * dt);
-      result.rows.experiment.push_back(Index(n));
-      result.rows.line.push_back(rows.line[*nearest]);
-      for (const Signal& s : signals) {
-        result.samples.push_back(at(s, time, dt, longest, slack, choice.method));
-        unfilled += std::isnan(result.samples.back());
-      }
-    }
-  }
+  FilledCount count;
+  for (size_t n = 0; n < order.size(); ++n)
+    count.add(add_resampled(records, Index(n), order[n], begin, filling, result));
   if (result.rows.time.empty())
     fail("resample: {} s found, but no experiment is as long; a shorter sample time needed", choice.dt);
-  std::string remark =
-      fmt::format("resampled from about {:.4g} s to {} s by the method {}: {}", rows.unit.in_seconds(usual), choice.dt,
-                  name_of(choice.method), effect_on_noise(choice.method, dt, usual > 0 ? usual : dt));
-  if (unfilled > 0)
-    remark += fmt::format("; {} {} missing, because the gap there is longer than {:.4g} s", unfilled,
-                          unfilled == 1 ? "sample stays" : "samples stay",
-                          choice.method == ResampleMethod::mean ? choice.dt : rows.unit.in_seconds(longest));
-  result.remarks.push_back(std::move(remark));
+  result.remarks.push_back(remark_on_resampling(choice, rows.unit, usual, longest, count));
   records = std::move(result);
 }
 
@@ -373,6 +451,7 @@ Ensemble assembled(const Records& records, const Assembly& choice) {
   const bool differ = std::any_of(length.begin(), length.end(), [&](Index own) { return own < e.steps(); });
   if (choice.own_lengths && differ) e.length = std::move(length);
   e.remarks = records.remarks;
+  if (steps.remark) e.remarks.push_back(*steps.remark);
   if (auto remark = remark_on_empty_steps(records, steps)) e.remarks.push_back(*std::move(remark));
   return e;
 }

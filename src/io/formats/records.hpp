@@ -44,7 +44,7 @@ void align(const std::string& trigger, Records& records);
 struct Resampling {
   double dt = 1.0;  // [s]
   ResampleMethod method = ResampleMethod::linear;
-  Index longest_gap = 3;  // steps of dt or of the usual distance of the samples, whichever is longer
+  std::optional<Index> longest_gap;  // steps of dt or of the usual distance of the samples, whichever is longer
 };
 
 // Samples on the grid begin + k dt, where begin is 0 if `aligned`, and else the first time of all rows. A remark states
@@ -53,6 +53,7 @@ void resample(const Resampling& choice, bool aligned, Records& records);
 
 struct Assembly {
   std::optional<double> dt;     // stated sample time [s]
+  bool moved = false;           // times may lie beside the steps of `dt`: see moved_grid()
   std::optional<Index> before;  // steps to keep before the time 0 of aligned records
   bool own_lengths = false;     // each experiment ends with its last row; false: absent rows are missing samples
 };

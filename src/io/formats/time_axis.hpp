@@ -55,6 +55,15 @@ struct Grid {
 // stated dt apart
 Grid time_grid(const TimeColumn& rows, std::optional<double> dt);
 
+struct MovedGrid {
+  Grid grid;
+  double largest = 0.0;  // largest distance of a time from its step, in the unit of the times
+};
+
+// The grid of the stated `dt` [s] that is nearest to all times, which may lie up to a tenth of a step beside it.
+// \throws IoError that names the line of a time farther from its step; IoError for rows that are all several dt apart
+MovedGrid moved_grid(const TimeColumn& rows, double dt);
+
 // Checks that all experiments have a step in common; otherwise the data are not repeated experiments. \throws IoError
 // that names two experiments without a common step, and ends with `needed`
 void check_common_steps(const TimeColumn& rows, std::string_view needed);
