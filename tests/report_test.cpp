@@ -582,7 +582,7 @@ const VerdictCheck& check_of(const Verdict& verdict, const std::string& name) {
 
 TEST(Verdict, FiguresKeepTheirBounds) {
   using Rule = CheckFigure::Rule;
-  const double inf = std::numeric_limits<double>::infinity();
+  const double infinite = std::numeric_limits<double>::infinity();
   const auto kept = [](std::vector<double> values, Rule rule, double bound) {
     return CheckFigure{"fit", std::move(values), rule, bound}.kept();
   };
@@ -591,8 +591,8 @@ TEST(Verdict, FiguresKeepTheirBounds) {
                                                        {Rule::below, false, false, true}}) {
     EXPECT_EQ(kept({2.0}, rule, 2.0), at_bound) << to_string(rule);
     EXPECT_EQ(kept({3.0}, rule, 2.0), above);
-    EXPECT_EQ(kept({inf}, rule, 2.0), above);
-    EXPECT_EQ(kept({-inf}, rule, 2.0), beneath);
+    EXPECT_EQ(kept({infinite}, rule, 2.0), above);
+    EXPECT_EQ(kept({-infinite}, rule, 2.0), beneath);
     EXPECT_EQ(kept({nan, 1.0}, rule, 2.0), beneath);
     EXPECT_FALSE(kept({1.0, 3.0}, rule, 2.0));
     EXPECT_FALSE(kept({}, rule, 2.0));  // nothing is known
