@@ -6,6 +6,7 @@
 #include "io/formats/data_files.hpp"
 #include "io/formats/dialect.hpp"
 #include "io/formats/time_stamp.hpp"
+#include "io/formats/time_unit.hpp"
 
 namespace tokid {
 namespace {
@@ -18,7 +19,7 @@ double between(const char* first, const char* second, DateOrder order = DateOrde
     if (!stamp) throw std::runtime_error(text);
     stamps.push_back(*stamp);
   }
-  return io::times_of(stamps, {1, 2}, {first, second}, order).seconds[1];
+  return io::times_of(stamps, {0, 0}, {1, 2}, {first, second}, order).seconds[1];
 }
 
 TEST(TimeStamp, FormsOfOneMoment) {
@@ -45,6 +46,47 @@ TEST(TimeStamp, OrderOfDayAndMonth) {
   EXPECT_THROW(between("13/04/2026", "04/13/2026"), IoError);
   EXPECT_THROW(between("13/04/2026", "14/04/2026", DateOrder::month_first), IoError);
   EXPECT_EQ(between("23:59:59", "0:00:01"), 2.0);  // the next day
+}
+
+// Seconds from the first time of day to each one.
+std::vector<double> seconds_of(const std::vector<std::string>& texts, std::vector<Index> experiments = {}) {
+  experiments.resize(texts.size());
+  std::vector<io::Stamp> stamps;
+  std::vector<Index> lines;
+  for (const std::string& text : texts)
+    stamps.push_back(io::stamp_from(text).value()), lines.push_back(Index(lines.size()));
+  return io::times_of(stamps, experiments, lines, texts, DateOrder::automatic).seconds;
+}
+
+TEST(TimeStamp, TimesOfDayOnSeveralDays) {
+  constexpr double h = 3600;
+  using Times = std::vector<double>;
+  // The next day begins after a pause of 13 h.
+  EXPECT_EQ(seconds_of({"16:00", "17:00", "18:00", "19:00", "20:00", "09:00"}),
+            (Times{0, h, 2 * h, 3 * h, 4 * h, 17 * h}));
+  // The newest row is first.
+  EXPECT_EQ(seconds_of({"13:00", "12:00", "11:00"}), (Times{0, -h, -2 * h}));
+  EXPECT_EQ(seconds_of({"01:00", "00:00", "23:00", "22:00"}), (Times{0, -h, -2 * h, -3 * h}));
+  // Each experiment has midnights of its own.
+  EXPECT_EQ(seconds_of({"22:00", "23:00", "00:00", "22:00", "23:00", "00:00"}, {0, 0, 0, 1, 1, 1}),
+            (Times{0, h, 2 * h, 0, h, 2 * h}));
+  EXPECT_EQ(seconds_of({"11:00 PM", "12:00 AM", "1:00 AM"}), (Times{0, h, 2 * h}));
+  EXPECT_EQ(seconds_of({"23:00:00", "24:00:00", "25:00:00"}), (Times{0, h, 2 * h}));  // elapsed times
+  // Noon or midnight, a fall of elapsed times, and no direction.
+  EXPECT_THROW(seconds_of({"9:00", "10:00", "11:00", "12:00", "12:59", "1:00"}), IoError);
+  EXPECT_THROW(seconds_of({"23:00:00", "24:00:00", "25:00:00", "26:00:00", "27:00:00", "0:00:00"}), IoError);
+  EXPECT_THROW(seconds_of({"13:00", "15:00", "14:00", "16:00", "15:00", "17:00"}), IoError);
+}
+
+TEST(TimeStamp, TimeZonesMustBeInAllRows) {
+  EXPECT_EQ(between("2026-11-27T13:00:00Z", "2026-11-27T14:00:00+01:00"), 0.0);
+  EXPECT_THROW(between("2026-11-27T13:00:00Z", "2026-11-27T14:00:00"), IoError);
+  EXPECT_THROW(between("2026-11-27T13:00:00", "2026-11-27T14:00:00+01:00"), IoError);
+}
+
+TEST(TimeUnit, MinutesAndSeconds) {
+  for (const char* unit : {"mm:ss", "m:ss", "min:s"}) EXPECT_TRUE(io::is_minutes_and_seconds(unit)) << unit;
+  for (const char* unit : {"", "hh:mm", "hh:mm:ss", "min", "s"}) EXPECT_FALSE(io::is_minutes_and_seconds(unit)) << unit;
 }
 
 TEST(Cells, Numbers) {

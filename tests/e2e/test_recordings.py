@@ -160,6 +160,40 @@ def test_dates_and_times_of_day_in_two_columns_over_midnight(tokid, tmp_path):
     assert data["dt"] == 3600 and data["y"].shape == (1, 10, 1)
 
 
+def times(stamps, title="time"):
+    return f"{title},u,y\n" + "".join(f"{stamp},{k},2\n" for k, stamp in enumerate(stamps))
+
+
+def test_times_of_day_of_several_days(tokid, tmp_path):
+    path = write(tmp_path / "data.csv", times(["17:00", "18:00", "19:00", "20:00", "21:00", "09:00"]))
+    data, warnings = read(tokid, tmp_path, path)
+    assert data["dt"] == 3600 and data["u"][0, -1, 0] == 5 and data["u"].shape[1] == 17
+    assert "line 7: '09:00' after '21:00' was read as the time of another day" in warnings
+    newest_first = [f"{h % 24:02d}:{m:02d}:00" for h in (25, 24, 23) for m in (40, 20, 0)]
+    data, warnings = read(tokid, tmp_path, write(path, times(newest_first)))
+    np.testing.assert_array_equal(data["u"][0, :, 0], range(8, -1, -1))
+    assert "the times of day pass midnight" in warnings
+    message = tokid("info", write(path, times([f"{h}:{m}" for h in (11, 12, 1) for m in (10, 30, 50)])), status=2).stderr
+    assert "line 8: '1:10' found after '12:50'; without AM and PM, this may be noon or midnight; dates" in message
+
+
+def test_times_that_can_mean_something_else(tokid, tmp_path):
+    path = write(tmp_path / "data.csv", times([1764246725123 + k for k in range(9)], "timestamp"))
+    message = tokid("info", path, status=2).stderr
+    assert "'1764246725123' found, which is more than 3000 years in s; the unit" in message
+    write(path, path.read_text().replace("timestamp", "timestamp [ms]"))
+    assert read(tokid, tmp_path, path)[0]["dt"] == 0.001
+    short = [f"{s // 60:02d}:{s % 60:02d}" for s in range(0, 700, 10)]
+    data, warnings = read(tokid, tmp_path, write(path, times(short, "Time [mm:ss]")))
+    assert data["dt"] == 10 and "minutes" not in warnings
+    data, warnings = read(tokid, tmp_path, write(path, times(short, "Time")))
+    assert data["dt"] == 600
+    assert "column 'Time': times such as 05:10 were read as hours and minutes; for minutes and seconds" in warnings
+    assert "minutes" not in read(tokid, tmp_path, write(path, times(short, "Time [hh:mm]")))[1]
+    message = tokid("info", write(path, times(["2026-11-27 13:00:00", "2026-11-27 13:00:01Z"])), status=2).stderr
+    assert "line 3: '2026-11-27 13:00:01Z' found with a time zone, but '2026-11-27 13:00:00' in line 2 without" in message
+
+
 def test_units_below_the_header_and_a_preamble(tokid, tmp_path):
     text = ("Batch;17\nOperator;M\u00fcller\n\nZeit;Ventil;Temperatur\ns;%;\u00b0C\n" +
             rows(lambda k, u, y: f"{k};{u};{y};", ","))
@@ -331,7 +365,7 @@ def test_times_that_jitter_are_moved(tokid, tmp_path):
     data, warnings = read(tokid, tmp_path, path, "--dt", "1")
     assert data["dt"] == 1
     np.testing.assert_array_equal(data["u"][0, :, 0], range(300))
-    assert "times were moved by up to 0.001 s to even steps of 1 s (option dt)" in warnings
+    assert "times were moved by up to 0.000999 s to even steps of 1 s (option dt)" in warnings
     write(path, text + "300.2,300,2\n")
     message = tokid("info", path, "--dt", "1", status=2).stderr
     assert "line 302, column 't [s]': 300.2 found, which lies more than a tenth of a step beside" in message

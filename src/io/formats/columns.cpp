@@ -107,6 +107,7 @@ void find_steps(const Header& header, const Channels& noted, Chosen& chosen) {
     const Column& column = header[*chosen.time];
     chosen.stamped = column.content != Content::other;
     if (column.content == Content::clock && dates.size() == 1) chosen.date = dates.front();
+    chosen.of_minutes = column.content == Content::clock && is_minutes_and_seconds(column.label.unit);
     if (!chosen.stamped) chosen.unit = unit_of(column).value_or(TimeUnit{});
     return;
   }

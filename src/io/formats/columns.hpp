@@ -51,6 +51,7 @@ struct Chosen {
   std::optional<size_t> experiment, time, step;
   std::optional<size_t> date;  // its dates and the times of day of `time` are the times
   bool stamped = false;        // times are time stamps
+  bool of_minutes = false;     // the unit of these stamps is mm:ss
   TimeUnit unit;               // of the times
 };
 

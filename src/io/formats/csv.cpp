@@ -368,11 +368,16 @@ class RecordReader {
   Records take(DateOrder order, char separator) {
     if (auto remark = numbers_.remark_on_marks(separator)) records_.remarks.push_back(*std::move(remark));
     if (chosen_.stamped) {
-      StampTimes times = times_of(stamps_, records_.rows.line, stamp_texts_, order);
+      StampTimes times = times_of(stamps_, records_.rows.experiment, records_.rows.line, stamp_texts_, order);
       for (const double time : times.seconds)
         records_.rows.precision.add(fmt::format("{:.{}f}", time, times.decimals), time);
       records_.rows.time = std::move(times.seconds);
       if (times.remark) records_.remarks.push_back(*std::move(times.remark));
+      if (has_short_clock_)
+        records_.remarks.push_back(fmt::format(
+            "column '{0}': times such as 05:10 were read as hours and minutes; for minutes and seconds, name "
+            "it '{0} [mm:ss]'",
+            header_[*chosen_.time].title));
     }
     return std::move(records_);
   }
@@ -421,6 +426,12 @@ class RecordReader {
     if (!std::isfinite(time) || !whole)
       fail("line {}, column '{}': '{}' found, a {} needed{}", row.line, header_[*column].title, words::quoted(cell),
            chosen_.time ? "finite time" : "whole number", records_.doubt);
+    constexpr double longest = 1e11;  // [s], more than 3000 years since the origin of the times
+    if (chosen_.time && records_.rows.time.empty() && std::abs(chosen_.unit.in_seconds(time)) > longest)
+      fail(
+          "line {}, column '{}': '{}' found, which is more than 3000 years in {}; the unit of the times in the name of "
+          "the column needed, as in 'timestamp [ms]'",
+          row.line, header_[*column].title, words::quoted(cell), chosen_.unit.name);
     records_.rows.time.push_back(time);
     records_.rows.precision.add(numbers_.with_point(cell), time);
   }
@@ -436,6 +447,12 @@ class RecordReader {
       fail("line {}, column '{}': '{}' found, a time stamp{} needed", row.line, header_[*chosen_.time].title,
            words::quoted(text),
            stamp_texts_.empty() ? std::string() : fmt::format(" like '{}'", words::quoted(stamp_texts_.front())));
+    if (stamp->has_clock && !stamp->has_date && !stamp->has_seconds) {
+      if (chosen_.of_minutes)
+        stamp->nanoseconds /= 60;
+      else if (header_[*chosen_.time].label.unit.empty())
+        has_short_clock_ = true;
+    }
     stamps_.push_back(*stamp);
     stamp_texts_.push_back(std::move(text));
   }
@@ -450,6 +467,7 @@ class RecordReader {
   std::vector<Index> rows_;  // number of rows of each experiment so far
   std::vector<Stamp> stamps_;
   Names stamp_texts_;
+  bool has_short_clock_ = false;  // a time such as "05:10" was read as hours and minutes, which no unit states
 };
 
 // ---- one table ----
