@@ -194,6 +194,43 @@ def test_times_that_can_mean_something_else(tokid, tmp_path):
     assert "line 3: '2026-11-27 13:00:01Z' found with a time zone, but '2026-11-27 13:00:00' in line 2 without" in message
 
 
+def test_clocks_of_experiments(tokid, tmp_path):
+    folder = tmp_path / "runs"
+    folder.mkdir()
+
+    def runs(**begins):
+        for name, begin in begins.items():
+            write(folder / f"{name}.csv", times(begin + np.arange(20)))
+        return read(tokid, tmp_path, folder)
+
+    data, warnings = runs(a=0, b=5)
+    assert "read as those of one clock: the experiments begin up to 5 s apart" in warnings
+    assert np.isnan(data["u"][1, :5, 0]).all()
+    data, warnings = runs(a=0, b=19)  # one common sample
+    np.testing.assert_array_equal(data["u"][:, 0, 0], [0, 0])
+    assert "less than half of the shortest one in common, so each one begins at its first row" in warnings
+    _, warnings = runs(a=0, b=30)
+    assert "have no time in common, so each one begins at its first row" in warnings
+    assert runs(a=7, b=7)[1] == ""
+    # Time stamps count from the first row of each file.
+    for name, second in (("a", 0), ("b", 5)):
+        write(folder / f"{name}.csv", times([f"2026-11-27 13:00:{second + k:02d}" for k in range(20)]))
+    data, warnings = read(tokid, tmp_path, folder)
+    np.testing.assert_array_equal(data["u"][:, 0, 0], [0, 0])
+    assert "in all files, time stamps count from the first row of the file; --trigger aligns" in warnings
+
+
+def test_seconds_since_1970_keep_their_rounding(tokid, tmp_path):
+    folder = tmp_path / "runs"
+    folder.mkdir()
+    for name, begin in (("a", 1764246725), ("b", 1764250000)):
+        write(folder / f"{name}.csv", times([f"{begin + k // 1000}.{k % 1000:03d}" for k in range(300)]))
+    for options in ([], ["--trigger", "u > 20"]):
+        data, _ = read(tokid, tmp_path, folder, *options)
+        assert data["dt"] == 0.001
+        np.testing.assert_array_equal(data["u"][0], data["u"][1])
+
+
 def test_units_below_the_header_and_a_preamble(tokid, tmp_path):
     text = ("Batch;17\nOperator;M\u00fcller\n\nZeit;Ventil;Temperatur\ns;%;\u00b0C\n" +
             rows(lambda k, u, y: f"{k};{u};{y};", ","))

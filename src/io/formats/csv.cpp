@@ -746,6 +746,9 @@ Ensemble read_csv(const std::vector<std::filesystem::path>& paths, const ReadOpt
       unchanged.check();
       check_length(table);
       if (i > 0) check_same(first.file, all, table);
+      if (table.stamped && options.trigger.empty())
+        table.remarks.emplace_back(
+            "time stamps count from the first row of the file; --trigger aligns them by an event");
       name_experiments(paths[i], labels[i], table);
       remarks.add(file, table.remarks);
       add_guesses(table.guesses, file, guesses);

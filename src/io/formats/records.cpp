@@ -17,23 +17,37 @@ namespace {
 constexpr double no_sample = std::numeric_limits<double>::quiet_NaN();
 constexpr double infinite = std::numeric_limits<double>::infinity();
 
-std::vector<double> first_times(const Records& records) {
-  std::vector<double> first(records.rows.experiments.size(), infinite);
-  for (size_t i = 0; i < records.rows.time.size(); ++i) {
-    double& time = first[size_t(records.rows.experiment[i])];
-    time = std::min(time, records.rows.time[i]);
+// The first and the last time of each experiment.
+struct Spans {
+  std::vector<double> first, last;
+
+  double latest_begin() const { return *std::max_element(first.begin(), first.end()); }
+  double earliest_begin() const { return *std::min_element(first.begin(), first.end()); }
+  // The time that all experiments have in common; < 0 if there is none.
+  double common() const { return *std::min_element(last.begin(), last.end()) - latest_begin(); }
+  double shortest() const {
+    double length = infinite;
+    for (size_t n = 0; n < first.size(); ++n) length = std::min(length, last[n] - first[n]);
+    return length;
   }
-  return first;
+};
+
+Spans spans_of(const TimeColumn& rows) {
+  Spans spans{std::vector<double>(rows.experiments.size(), infinite),
+              std::vector<double>(rows.experiments.size(), -infinite)};
+  for (size_t i = 0; i < rows.time.size(); ++i) {
+    double &first = spans.first[size_t(rows.experiment[i])], &last = spans.last[size_t(rows.experiment[i])];
+    first = std::min(first, rows.time[i]), last = std::max(last, rows.time[i]);
+  }
+  return spans;
 }
 
-bool have_common_step(const Records& records) {
-  const std::vector<double> first = first_times(records);
-  std::vector<double> last(first.size(), -infinite);
-  for (size_t i = 0; i < records.rows.time.size(); ++i) {
-    double& time = last[size_t(records.rows.experiment[i])];
-    time = std::max(time, records.rows.time[i]);
+// Subtracts a time of each experiment.
+void move_times(const std::vector<double>& by, TimeColumn& rows) {
+  for (size_t i = 0; i < rows.time.size(); ++i) {
+    rows.largest = std::max(rows.largest, std::abs(rows.time[i]));
+    rows.time[i] -= by[size_t(rows.experiment[i])];
   }
-  return *std::max_element(first.begin(), first.end()) <= *std::min_element(last.begin(), last.end());
 }
 
 // Keeps the experiments in `kept`, in their order, with all their rows.
@@ -306,12 +320,25 @@ void append(const Records& more, Records& to) {
 }
 
 void begin_together(Records& records) {
-  if (records.rows.time.empty() || have_common_step(records)) return;
-  const std::vector<double> first = first_times(records);
-  for (size_t i = 0; i < records.rows.time.size(); ++i)
-    records.rows.time[i] -= first[size_t(records.rows.experiment[i])];
-  records.remarks.emplace_back(
-      "the experiments have no time in common, so each one begins at its first row; --trigger aligns them by an event");
+  TimeColumn& rows = records.rows;
+  if (rows.time.empty()) return;
+  const Spans spans = spans_of(rows);
+  const double apart = spans.latest_begin() - spans.earliest_begin();
+  if (!(apart > 0)) return;
+  constexpr double most = 0.5;  // of the shortest experiment
+  constexpr auto trigger = "--trigger aligns them by an event";
+  const bool timed = records.source == StepSource::times;
+  if (spans.common() >= most * spans.shortest()) {
+    records.remarks.push_back(fmt::format(
+        "the {} of the experiments were read as those of one clock: the experiments begin up to {:.6g}{} apart; {}",
+        timed ? "times" : "step numbers", timed ? rows.unit.in_seconds(apart) : apart, timed ? " s" : " steps",
+        trigger));
+    return;
+  }
+  move_times(spans.first, rows);
+  records.remarks.push_back(fmt::format("the experiments have {} in common, so each one begins at its first row; {}",
+                                        spans.common() < 0 ? "no time" : "less than half of the shortest one",
+                                        trigger));
 }
 
 void align(const std::string& trigger, Records& records) {
@@ -327,7 +354,9 @@ void align(const std::string& trigger, Records& records) {
   }
   if (without.size() == onsets.size())
     fail("trigger '{}': it holds at no row of any experiment; a condition that holds somewhere needed", trigger);
-  for (size_t i = 0; i < rows.time.size(); ++i) rows.time[i] -= onsets[size_t(rows.experiment[i])].time().value_or(0.0);
+  std::vector<double> begin;
+  for (const Onset& onset : onsets) begin.push_back(onset.time().value_or(0.0));
+  move_times(begin, rows);
   records.event.clear();
   if (!without.empty()) keep(kept, records);
   const auto remark = [&](const Names& names, const std::string& what) {
@@ -425,7 +454,7 @@ void resample(const Resampling& choice, bool aligned, Records& records) {
 
   Records result = records;
   result.rows.time.clear(), result.rows.experiment.clear(), result.rows.line.clear(), result.samples.clear();
-  result.rows.precision = {};
+  result.rows.precision = {}, result.rows.largest = 0.0;
   const double total = (*std::max_element(rows.time.begin(), rows.time.end()) - begin) / dt;
   if (!(total * double(order.size() * records.channels()) * sizeof(double) <= 0.25 * double(memory_limit())))
     fail("resample: {} s found, which makes {:.4g} steps of each experiment, more than fit into memory", choice.dt,

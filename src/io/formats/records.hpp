@@ -32,7 +32,9 @@ struct Records {
 // Appends the experiments of `more`, whose channels must be the same.
 void append(const Records& more, Records& to);
 
-// If no step is common to all experiments, each experiment begins with its own first row.
+// Decides whether the times of different experiments are those of one clock. If all experiments have most of the
+// shortest one in common, the times stay. Otherwise each experiment begins with its own first row. A remark states what
+// was done, unless all begin at the same time.
 void begin_together(Records& records);
 
 // Moves the time of each experiment, so that the first row at which the trigger begins to hold has the time 0. If it

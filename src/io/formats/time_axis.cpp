@@ -308,7 +308,7 @@ Grid time_grid(const TimeColumn& rows, std::optional<double> stated) {
                        "times from the begin of each experiment on needed, or a line '# dt = …' above the header where "
                        "samples are missing");
   Fit fit = in_order(rows);
-  const double largest = std::max(std::abs(fit.time.front()), std::abs(fit.time.back()));
+  const double largest = std::max({std::abs(fit.time.front()), std::abs(fit.time.back()), rows.largest});
   const double resolution = 4 * epsilon * largest, rounding = rows.precision.unit(largest) + resolution;
   const double usual = stated ? rows.unit.from_seconds(*stated) : usual_gap(rows, fit, resolution);
   if (!stated && usual == 0) return {fit.time.front(), 1.0, false};

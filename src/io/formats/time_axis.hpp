@@ -34,6 +34,7 @@ struct TimeColumn {
   Names experiments;              // in the order of appearance
   Names files;                    // of each experiment, where the rows come from several files; else empty
   Precision precision;            // of the times
+  double largest = 0.0;           // absolute time before the times were moved, whose rounding they keep
 };
 
 // "line 17", or "run3.csv, line 17" where the rows come from several files.
