@@ -134,16 +134,38 @@ std::deque<io::TableText::Line> lines(const std::vector<std::string>& texts) {
 }
 
 TEST(Dialect, SeparatorsAndHeaders) {
-  const io::Dialect german = io::dialect_of(lines({"Anlage;7", "", "Zeit;u;y", "s;V;bar", "0,0;1,5;2", "0,1;1,5;2"}));
+  const io::Dialect german =
+      io::dialect_of(lines({"Anlage;7", "", "Zeit;u;y", "s;V;bar", "0,0;1,5;2", "0,1;1,5;2"}), {});
   EXPECT_EQ(german.separator, ';');
   EXPECT_EQ(german.header, 2U);
   EXPECT_TRUE(german.has_units_row);
-  const io::Dialect plain = io::dialect_of(lines({"experiment,time,u,y", "a,0,1,2", "a,1,oops,2", "a,2,1"}));
+  const io::Dialect plain = io::dialect_of(lines({"experiment,time,u,y", "a,0,1,2", "a,1,oops,2", "a,2,1"}), {});
   EXPECT_EQ(plain.separator, ',');
   EXPECT_EQ(plain.header, 0U);
   EXPECT_FALSE(plain.has_units_row);
-  EXPECT_FALSE(io::dialect_of(lines({"0,1,2", "1,2,3"})).has_header);
-  EXPECT_TRUE(io::dialect_of(lines({"time,1,2", "1,2,3"})).has_header);
+  EXPECT_FALSE(io::dialect_of(lines({"0,1,2", "1,2,3"}), {}).has_header);
+  EXPECT_TRUE(io::dialect_of(lines({"time,1,2", "1,2,3"}), {}).has_header);
+}
+
+TEST(Dialect, HeadersBelowPreambles) {
+  const auto header = [](const std::vector<std::string>& texts, const io::Known& known = {}) {
+    return io::dialect_of(lines(texts), known).header;
+  };
+  const std::vector<std::string> numbers{"1,2,3", "4,5,6", "time,u,y", "0,1,2", "1,2,3", "2,3,4"};
+  EXPECT_EQ(header(numbers), 2U);
+  EXPECT_EQ(header({"Report", "time,1,2,3", "0,1,2,3", "1,2,3,4"}), 1U);
+  EXPECT_EQ(header({"Report", "0,time,2,3", "0,1,2,3", "1,2,3,4"}, {{}, {"time", "2"}}), 1U);
+  std::vector<std::string> preamble(30, "setting,1");
+  preamble.insert(preamble.end(), {"time,u,y", "0,1,2", "1,2,3", "2,3,4"});
+  EXPECT_EQ(header(preamble), 30U);
+  // A word for a missing sample that only the caller knows.
+  EXPECT_EQ(header({"time,u,y", "0,Out,Out", "1,Out,Out", "2,Out,Out"}, {{"Out"}, {}}), 0U);
+}
+
+TEST(Cells, SwitchStates) {
+  for (const char* text : {"on", "ON", "True", "true"}) EXPECT_EQ(io::switch_state(text), 1.0) << text;
+  for (const char* text : {"off", "OFF", "False"}) EXPECT_EQ(io::switch_state(text), 0.0) << text;
+  for (const char* text : {"", "o", "offline", "1", "yes"}) EXPECT_FALSE(io::switch_state(text)) << text;
 }
 
 TEST(DataFiles, NumbersInNamesAreOrdered) {

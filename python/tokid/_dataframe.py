@@ -338,9 +338,10 @@ def from_dataframe(
     again = order[1:][np.diff(place[order]) == 0]
     if again.size:
         row = int(again.min())
+        name = experiments[row_experiment[row]]
+        of_experiment = "" if experiment is None else f" of experiment '{name}'"
         raise ValueError(
-            f"row {row}: a second row for step {grid.step[row]} of experiment '{experiments[row_experiment[row]]}' "
-            f"found, one needed{table.doubt(time, step)}"
+            f"row {row}: a second row for step {grid.step[row]}{of_experiment} found, one needed{table.doubt(time, step)}"
         )
 
     core = _tokid.Ensemble(len(experiments), grid.steps, len(u), len(y), grid.dt)

@@ -242,6 +242,41 @@ def test_units_below_the_header_and_a_preamble(tokid, tmp_path):
     assert "line 5 was read as the units of the columns" in warnings
 
 
+def test_headers_below_preambles(tokid, tmp_path):
+    path = tmp_path / "data.csv"
+    for text, options in [
+        ("1,2,3\n4,5,6\nt [s],u,y\n0,1,2\n1,2,3\n2,3,4\n", []),
+        ("Report\ntime,1,2\n0,1,2\n1,2,3\n2,3,4\n", ["--inputs", "1", "--outputs", "2"]),
+        ("setting,7\n" * 30 + "t [s],u,y\n0,1,2\n1,2,3\n2,3,4\n", []),
+        ("9,8,7\nt [s],p [bar],T [K]\n0,1,2\n1,2,3\n2,3,4\n", ["--inputs", "p", "--outputs", "T [K]"]),
+        ("9,8,7\nt,p,T\ns,bar,K\n0,1,2\n1,2,3\n2,3,4\n", ["--inputs", "p", "--outputs", "T"]),
+    ]:
+        data, warnings = read(tokid, tmp_path, write(path, text), *options)
+        np.testing.assert_array_equal(data["y"][0, :, 0], [2, 3, 4])
+        assert "before the names of the columns in line" in warnings
+    message = tokid("info", write(path, "a,b\nc,d\n1,2\n3,4\n5,6\n"), status=2).stderr
+    assert "found among 'c', 'd'" in message and "line 2 was taken for the header" in message
+
+
+def test_stated_missing_words_and_times(tokid, tmp_path):
+    data, _ = read(tokid, tmp_path, write(tmp_path / "data.csv", "t [s],u,y\n0,0,2\n1,2,0\n2,3,4\n"), "--missing", "0")
+    np.testing.assert_array_equal(data["u"][0, :, 0], [np.nan, 2, 3])
+
+
+def test_switches_blank_lines_and_dates(tokid, tmp_path):
+    path = tmp_path / "data.csv"
+    data, warnings = read(tokid, tmp_path, write(path, "t [s],u,y\n0,ON,True\n1,off,false\n"))
+    np.testing.assert_array_equal([data["u"][0, :, 0], data["y"][0, :, 0]], [[1, 0], [1, 0]])
+    assert "cells with on and true were read as 1, those with off and false as 0" in warnings
+    data, warnings = read(tokid, tmp_path, write(path, "u\n1\n\n3\n4\n\n"))
+    np.testing.assert_array_equal(data["u"][0, :, 0], [1, np.nan, 3, 4])
+    assert "1 blank line of the only column was read as missing samples" in warnings
+    data, _ = read(tokid, tmp_path, write(path, "date,k,u,y\n2026-11-27,0,1,2\n2026-11-27,1,2,3\n"))
+    np.testing.assert_array_equal(data["u"][0, :, 0], [1, 2])
+    message = tokid("info", write(path, "k,u,y\n0,1,2\n0,2,3\n"), status=2).stderr
+    assert "line 3: a second row for step 0 found, one needed" in message
+
+
 def test_words_for_missing_samples(tokid, tmp_path):
     words = ["Bad", "---", "NaN", "NA", "null", "#N/A", "I/O Timeout", "", "-999.0"]
     text = "t [s],u,y\n" + "".join(f"{k},{k},{word}\n" for k, word in enumerate(words)) + "9,9,1.5\n"

@@ -84,6 +84,13 @@ bool may_be_thousands(std::string_view number) {
          behind.find_first_not_of(digits) == std::string_view::npos;
 }
 
+std::optional<double> switch_state(std::string_view text) {
+  if (text.size() > 5) return std::nullopt;
+  const std::string lower = in_lower_case(std::string(text));
+  if (lower == "on" || lower == "true") return 1.0;
+  return lower == "off" || lower == "false" ? std::optional(0.0) : std::nullopt;
+}
+
 bool is_missing(std::string_view text) { return text.empty() || text == "NA"; }
 
 bool is_word_for_missing(std::string_view text) {
@@ -105,7 +112,7 @@ bool is_word_for_missing(std::string_view text) {
 
 bool is_value(std::string_view text) {
   return number_from(text, '.') || number_from(text, ',') || is_missing(text) || is_word_for_missing(text) ||
-         stamp_from(text);
+         switch_state(text) || stamp_from(text);
 }
 
 bool is_unit(std::string_view text) {

@@ -83,7 +83,7 @@ std::optional<TimeUnit> unit_of(const Column& column) {
 }
 
 // Finds the column that states the steps of the rows. In order of preference: "time", another name for times, time
-// stamps, "k", another name for step numbers.
+// stamps, "k", another name for step numbers, dates alone.
 void find_steps(const Header& header, const Channels& noted, Chosen& chosen) {
   const std::vector<size_t> others = other_columns(header, chosen, noted);
   std::vector<size_t> named, stamped, dates, clocks, numbered;
@@ -102,7 +102,7 @@ void find_steps(const Header& header, const Channels& noted, Chosen& chosen) {
   if (!chosen.time) chosen.time = only_one(header, named, "times", "time");
   if (!chosen.time) chosen.time = only_one(header, stamped, "times", "time");
   if (!chosen.time) chosen.time = only_one(header, clocks, "times", "time");
-  if (!chosen.time) chosen.time = only_one(header, dates, "times", "time");
+  if (!chosen.time && !chosen.step && numbered.empty()) chosen.time = only_one(header, dates, "times", "time");
   if (chosen.time) {
     const Column& column = header[*chosen.time];
     chosen.stamped = column.content != Content::other;
@@ -151,7 +151,9 @@ Names Header::titles() const {
   return titles;
 }
 
-Header::Header(std::vector<Column> columns) : columns_(std::move(columns)) {
+std::string Header::place() const { return fmt::format("; line {} was taken for the header", line_); }
+
+Header::Header(std::vector<Column> columns, Index line) : columns_(std::move(columns)), line_(line) {
   for (size_t c = 0; c < columns_.size(); ++c) {
     by_title_[canonical(columns_[c].title)].push_back(c);
     by_name_[columns_[c].label.name].push_back(c);
@@ -178,7 +180,7 @@ std::optional<size_t> Header::find(const std::string& name) const {
 
 size_t Header::need(const std::string& name) const {
   const auto column = find(name);
-  if (!column) fail("no column '{}' found among {}", name, quoted(titles()));
+  if (!column) fail("no column '{}' found among {}{}", name, quoted(titles()), place());
   return *column;
 }
 
@@ -196,9 +198,11 @@ Chosen chosen_columns(const Header& header, const Wanted& wanted) {
       fail("column '{}' is listed both as an input and as an output. List it only once", header[c].title);
   constexpr auto how = "state which columns are channels: --inputs 'A,B' --outputs 'C,D'";
   if (chosen.inputs.empty())
-    fail("no column whose name begins with u found among {}; name the inputs; {}", quoted(header.titles()), how);
+    fail("no column whose name begins with u found among {}; name the inputs; {}{}", quoted(header.titles()), how,
+         header.place());
   if (chosen.outputs.empty() && wanted.outputs_required)
-    fail("no column whose name begins with y found among {}; name the outputs; {}", quoted(header.titles()), how);
+    fail("no column whose name begins with y found among {}; name the outputs; {}{}", quoted(header.titles()), how,
+         header.place());
   find_steps(header, wanted.noted, chosen);
   return chosen;
 }

@@ -108,6 +108,7 @@ struct Start {  // how the rows of a table begin
   Dialect dialect;
   Notes notes;
   std::vector<Column> columns;
+  Index header_line = 0, last_line = 0;  // lines of the names of the columns, and of the end of the header
   Names remarks;
 };
 
@@ -129,9 +130,14 @@ std::optional<TableText::Line> read_comments(TableText& text, Notes& notes) {
   return last;
 }
 
-bool are_named(const Cells& cells, const ReadOptions& options) {
+Names wanted_titles(const ReadOptions& options) {
   Names wanted = options.inputs;
   wanted.insert(wanted.end(), options.outputs.begin(), options.outputs.end());
+  return wanted;
+}
+
+bool are_named(const Cells& cells, const ReadOptions& options) {
+  const Names wanted = wanted_titles(options);
   return !wanted.empty() &&
          std::all_of(wanted.begin(), wanted.end(), [&](const std::string& name) { return contains(cells, name); });
 }
@@ -195,7 +201,7 @@ Start start_of(TableText& text, const ReadOptions& options) {
   Start start;
   const std::optional<TableText::Line> comment = read_comments(text, start.notes);
   if (text.ahead().empty()) fail("no header line found: a line with the names of the columns needed");
-  Dialect& dialect = start.dialect = dialect_of(text.ahead());
+  Dialect& dialect = start.dialect = dialect_of(text.ahead(), {options.missing, wanted_titles(options)});
   const Index first = text.ahead().front().number;
   for (size_t i = 0; i < dialect.header; ++i) text.skip();
   Cells titles = cells_of(text.ahead().front().text, dialect.separator), units;
@@ -205,11 +211,13 @@ Start start_of(TableText& text, const ReadOptions& options) {
       fail(
           "line {}: samples found, but no line above them names the columns; a line with the names of the columns needed",
           first);
+    start.header_line = comment->number, start.last_line = first - 1;
   } else {
     const Index line = text.ahead().front().number;
     const std::optional<Row> header = text.next(dialect.separator);
     if (!header) fail("no header line found: a line with the names of the columns needed");
     titles = header->cells;
+    start.header_line = line, start.last_line = header->line;
     if (line > first)
       start.remarks.push_back(fmt::format("{} before the names of the columns in line {} {} skipped",
                                           line_range(first, line - 1), line, line - 1 > first ? "were" : "was"));
@@ -217,6 +225,7 @@ Start start_of(TableText& text, const ReadOptions& options) {
   if (dialect.has_units_row)
     if (const std::optional<Row> row = text.next(dialect.separator)) {
       units = row->cells;
+      start.last_line = row->line;
       start.remarks.push_back(fmt::format("line {} was read as the units of the columns", row->line));
     }
   drop_empty_end(text.ahead(), dialect.separator, titles);
@@ -259,8 +268,18 @@ class NumberReader {
       const bool stated = std::find(numbers_.begin(), numbers_.end(), *value) != numbers_.end();
       return stated ? missing : *value;
     }
+    if (const auto state = switch_state(cell)) {
+      has_switches_ = true;
+      return *state;
+    }
     if (!stands_for_missing(cell, line, column)) fail_number(cell, line, column);
     return missing;
+  }
+
+  // A time or step number. No word and no number stands for a missing one.
+  double time(std::string_view cell, Index line, const std::string& column) {
+    const auto value = value_of(cell, line, column);
+    return value ? *value : is_missing(cell) || is_word_for_missing(cell) ? missing : fail_number(cell, line, column);
   }
 
   // Does a text stand for a missing sample? Words that nobody stated are counted as guesses.
@@ -288,6 +307,10 @@ class NumberReader {
                              name, mark_)
                : fmt::format("{0}s in numbers were read as decimal {0}s: 1{1}5 is 1.5", name, mark_);
   }
+  std::optional<std::string> remark_on_switches() const {
+    if (!has_switches_) return std::nullopt;
+    return "cells with on and true were read as 1, those with off and false as 0";
+  }
   // A number of a decimal comma as one of a decimal point; for the precision of times.
   std::string with_point(std::string text) const {
     if (mark_ == ',') std::replace(text.begin(), text.end(), ',', '.');
@@ -311,7 +334,7 @@ class NumberReader {
 
   void decide(char mark, Index line, std::string_view cell) { mark_ = mark, mark_line_ = line, mark_cell_ = cell; }
 
-  [[noreturn]] void fail_number(std::string_view cell, Index line, const std::string& column) const {
+  [[noreturn]] double fail_number(std::string_view cell, Index line, const std::string& column) const {
     const std::string at = fmt::format("line {}, column '{}': '{}' found", line, column, words::quoted(cell));
     if (mark_ == '.' && number_from(cell, ','))
       fail("{}, but '{}' in line {}; the same decimal mark in the whole table needed", at, words::quoted(mark_cell_),
@@ -327,6 +350,7 @@ class NumberReader {
   Index mark_line_ = 0;
   std::string mark_cell_;
   bool only_thousands_ = true;  // of the numbers with a mark: each may be a whole number with a mark of thousands
+  bool has_switches_ = false;
   Guesses guesses_;
 };
 
@@ -366,7 +390,8 @@ class RecordReader {
   }
 
   Records take(DateOrder order, char separator) {
-    if (auto remark = numbers_.remark_on_marks(separator)) records_.remarks.push_back(*std::move(remark));
+    for (auto&& remark : {numbers_.remark_on_marks(separator), numbers_.remark_on_switches()})
+      if (remark) records_.remarks.push_back(*remark);
     if (chosen_.stamped) {
       StampTimes times = times_of(stamps_, records_.rows.experiment, records_.rows.line, stamp_texts_, order);
       for (const double time : times.seconds)
@@ -421,7 +446,7 @@ class RecordReader {
     if (!column) return records_.rows.time.push_back(double(rows_[size_t(n)]++));
     const std::string& cell = row.cells[*column];
     if (chosen_.stamped) return add_stamp(row, cell);
-    const double time = numbers_.number(cell, row.line, header_[*column].title);
+    const double time = numbers_.time(cell, row.line, header_[*column].title);
     const bool whole = chosen_.time || time == std::floor(time);
     if (!std::isfinite(time) || !whole)
       fail("line {}, column '{}': '{}' found, a {} needed{}", row.line, header_[*column].title, words::quoted(cell),
@@ -536,13 +561,18 @@ Table read_table(const std::filesystem::path& path, const ReadOptions& options, 
   TableText text(path);
   Start start = start_of(text, options);
   const Notes& notes = start.notes;
-  const Header header(std::move(start.columns));
+  const Header header(std::move(start.columns), start.header_line);
   const Wanted wanted{options.inputs, options.outputs, notes.channels, options.wanted, options.outputs_required};
   const Chosen chosen = first ? same_columns(header, *first, wanted) : chosen_columns(header, wanted);
   RecordReader reader(header, chosen, options);
   std::optional<std::string> cut;
+  // The parser leaves out blank lines. In a table of one column, they are empty cells.
+  const bool has_blank_cells = header.columns().size() == 1 && !chosen.time && !chosen.step;
+  Index blank = 0, next_line = start.last_line + 1;
   while (const auto row = text.next(start.dialect.separator)) {
     checkpoint();
+    for (; has_blank_cells && next_line < row->line; ++next_line, ++blank) reader.add({next_line, {""}});
+    next_line = row->line + 1;
     reader.add(*row);
     if (text.has_open_end(*row)) cut = remark_on_end(*row, header);
   }
@@ -565,6 +595,9 @@ Table read_table(const std::filesystem::path& path, const ReadOptions& options, 
   std::vector<size_t> also_read;
   if (!options.trigger.empty()) also_read.push_back(header.need(Trigger(options.trigger).column));
   remark(remark_on_unused_columns(header, chosen, also_read));
+  if (blank > 0)
+    remark(fmt::format("{} of the only column {} read as missing samples", words::plural(blank, "blank line"),
+                       blank == 1 ? "was" : "were"));
   if (table.records.source == StepSource::order) remark(std::string(rows_as_steps));
   remark(cut);
   if (notes.has_checksum || text.is_changed()) remark(remark_on_change(path));

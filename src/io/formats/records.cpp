@@ -268,6 +268,11 @@ Steps steps_of(const Records& records, const Assembly& choice) {
   return result;
 }
 
+// A table with one experiment may have no name for it.
+std::string of_experiment(const std::string& name) {
+  return name.empty() ? std::string() : fmt::format(" of experiment '{}'", name);
+}
+
 void fill(const Records& records, const Steps& steps, Ensemble& e, std::vector<Index>& length) {
   std::vector<bool> seen(size_t(e.experiments() * e.steps()));
   for (size_t i = 0; i < records.rows.time.size(); ++i) {
@@ -275,8 +280,8 @@ void fill(const Records& records, const Steps& steps, Ensemble& e, std::vector<I
     if (k < 0) continue;  // before the steps that are kept
     auto cell = seen[size_t(n * e.steps() + k)];
     if (cell)
-      fail("{}: a second row for step {} of experiment '{}' found, one needed{}", place(records.rows, i), k,
-           records.rows.experiments[size_t(n)], records.doubt);
+      fail("{}: a second row for step {}{} found, one needed{}", place(records.rows, i), k,
+           of_experiment(records.rows.experiments[size_t(n)]), records.doubt);
     cell = true;
     length[size_t(n)] = std::max(length[size_t(n)], k + 1);
     const double* sample = records.samples.data() + i * records.channels();
