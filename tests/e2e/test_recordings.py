@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """.csv files as people have them: many files, dialects, time stamps, missing samples, triggers, resampling."""
 
+import re
 import subprocess
 import sys
 
@@ -254,8 +255,8 @@ def test_headers_below_preambles(tokid, tmp_path):
         data, warnings = read(tokid, tmp_path, write(path, text), *options)
         np.testing.assert_array_equal(data["y"][0, :, 0], [2, 3, 4])
         assert "before the names of the columns in line" in warnings
-    message = tokid("info", write(path, "a,b\nc,d\n1,2\n3,4\n5,6\n"), status=2).stderr
-    assert "found among 'c', 'd'" in message and "line 2 was taken for the header" in message
+    message = tokid("info", write(path, "a,b\nspeed,force\n1,2\n3,4\n5,6\n"), status=2).stderr
+    assert "found among 'speed', 'force'" in message and "line 2 was taken for the header" in message
 
 
 def test_stated_missing_words_and_times(tokid, tmp_path):
@@ -475,6 +476,40 @@ def test_picture(tokid, plant, tmp_path):
         assert any(line.startswith("  missing") for line in lines)
     text = page.read_text(encoding="utf-8")
     assert text.count("<svg") == 3 and "batch" not in text.split("<h1>")[0].replace("batches", "")
+
+
+def test_the_first_missing_word_is_named(tokid, tmp_path):
+    path = write(tmp_path / "data.csv", "t [s],u,y\n0,Fault,2\n1,Bad,2\n2,1,2\n")
+    assert "2 cells with 'Bad', 'Fault' were read as missing samples; the first one is at line 2" in read(
+        tokid, tmp_path, path)[1]
+
+
+def test_one_file_by_two_names_and_subfolders(tokid, tmp_path):
+    folder = tmp_path / "runs"
+    (folder / "more").mkdir(parents=True)
+    for path in (folder / "a.csv", folder / "more" / "b.csv"):
+        write(path, "t [s],u,y\n0,1,2\n1,2,3\n")
+    (folder / "c.csv").symlink_to(folder / "a.csv")
+    data, warnings = read(tokid, tmp_path, folder)
+    assert data["u"].shape[0] == 1
+    assert f"'{folder / 'a.csv'}' and '{folder / 'c.csv'}' are the same file, which was read once" in warnings
+    assert f"the folder '{folder}' has .csv files in the subfolder 'more', which were not read" in warnings
+
+
+def test_pictures_of_lone_samples_and_equal_experiments(tokid, tmp_path):
+    folder = tmp_path / "runs"
+    folder.mkdir()
+    for n in range(6):
+        cells = [f"{k},{k},{'' if k in (1, 3, 4) else 7 + (n == 5)}" for k in range(5)]
+        write(folder / f"e{n}.csv", "t [s],u with a rather long name,y\n" + "\n".join(cells) + "\n")
+    page = tmp_path / "picture.html"
+    result = tokid("info", folder, "--picture", page, env={"LC_ALL": "C"})
+    assert "u with a rather l..." in result.stdout and "\u2026" not in result.stdout
+    assert 'experiment "e5" (row 5): y differs where the others are equal' in result.stdout
+    text = page.read_text(encoding="utf-8")
+    assert re.search(r'class="mean" d="M0\.0 [\d.]+h0M', text)  # the lone sample of step 0 is a point
+    gaps = re.findall(r'class="gap" x="([\d.]+)" y="\d+" width="([\d.]+)"', text)
+    assert len(gaps) == 3 and all(float(x) + float(width) <= 900 for x, width in gaps)
 
 
 def test_odd_experiments_are_named(tokid, plant, tmp_path):

@@ -64,9 +64,8 @@ std::vector<size_t> other_columns(const Header& header, const Chosen& chosen, co
 
 [[noreturn]] void fail_several(const Header& header, const std::vector<size_t>& columns, const char* what,
                                const char* name) {
-  Names titles;
-  for (const size_t c : columns) titles.push_back(header[c].title);
-  fail("header: {} found, one column of {} needed; give this column the name '{}'", quoted(titles), what, name);
+  fail("header: {} found, one column of {} needed; give this column the name '{}'", quoted(titles_of(header, columns)),
+       what, name);
 }
 
 std::optional<size_t> only_one(const Header& header, const std::vector<size_t>& columns, const char* what,
@@ -128,12 +127,6 @@ void add_units(const Names& names, const Names& units, const char* key, std::map
   for (size_t i = 0; i < names.size(); ++i) to[names[i]] = units[i];
 }
 
-Names titles_of(const Header& header, const std::vector<size_t>& columns) {
-  Names titles;
-  for (const size_t c : columns) titles.push_back(header[c].title);
-  return titles;
-}
-
 bool is_noted(const Channels& noted) {
   return !noted.input_names.empty() || !noted.output_names.empty() || !noted.input_units.empty() ||
          !noted.output_units.empty();
@@ -182,6 +175,12 @@ size_t Header::need(const std::string& name) const {
   const auto column = find(name);
   if (!column) fail("no column '{}' found among {}{}", name, quoted(titles()), place());
   return *column;
+}
+
+Names titles_of(const Header& header, const std::vector<size_t>& columns) {
+  Names titles;
+  for (const size_t c : columns) titles.push_back(header[c].title);
+  return titles;
 }
 
 Chosen chosen_columns(const Header& header, const Wanted& wanted) {

@@ -48,6 +48,8 @@ class Header {
   Places by_title_, by_name_;
 };
 
+Names titles_of(const Header& header, const std::vector<size_t>& columns);
+
 struct Chosen {
   std::vector<size_t> inputs, outputs;
   std::optional<size_t> experiment, time, step;

@@ -249,6 +249,8 @@ void check_width(const Row& row, const Header& header) {
 // Words that were taken for missing samples without being stated.
 struct Guess {
   Index cells = 0;
+  size_t file = 0;    // number of the file of the first one
+  Index line = 0;     // of the first one
   std::string first;  // where the first one stands
 };
 using Guesses = std::map<std::string, Guess>;
@@ -287,7 +289,7 @@ class NumberReader {
     if (is_missing(text) || contains(words_, text)) return true;
     if (!is_word_for_missing(text)) return false;
     Guess& guess = guesses_[std::string(text)];
-    if (guess.cells++ == 0) guess.first = fmt::format("line {}, column '{}'", line, column);
+    if (guess.cells++ == 0) guess.line = line, guess.first = fmt::format("line {}, column '{}'", line, column);
     return true;
   }
 
@@ -525,12 +527,6 @@ std::string remark_on_change(const std::filesystem::path& path) {
       path.string());
 }
 
-Names titles_of(const Header& header, const std::vector<size_t>& columns) {
-  Names titles;
-  for (const size_t c : columns) titles.push_back(header[c].title);
-  return titles;
-}
-
 // The first one of several tables, which determines their channels.
 struct First {
   std::string file;
@@ -686,15 +682,17 @@ std::string remark_on_guesses(const Guesses& guesses) {
     cells += guess.cells;
     words.push_back(word);
   }
+  const auto first = std::min_element(guesses.begin(), guesses.end(), [](const auto& a, const auto& b) {
+    return std::pair(a.second.file, a.second.line) < std::pair(b.second.file, b.second.line);
+  });
   return fmt::format("{} with {} {}; the first one is at {}", words::plural(cells, "cell"), quoted(words),
-                     cells == 1 ? "was read as a missing sample" : "were read as missing samples",
-                     guesses.begin()->second.first);
+                     cells == 1 ? "was read as a missing sample" : "were read as missing samples", first->second.first);
 }
 
-void add_guesses(const Guesses& more, const std::string& file, Guesses& to) {
+void add_guesses(const Guesses& more, size_t number, const std::string& file, Guesses& to) {
   for (const auto& [word, guess] : more) {
     Guess& sum = to[word];
-    if (sum.cells == 0) sum.first = file.empty() ? guess.first : fmt::format("{}, {}", file, guess.first);
+    if (sum.cells == 0) sum = {0, number, guess.line, fmt::format("{}, {}", file, guess.first)};
     sum.cells += guess.cells;
   }
 }
@@ -784,7 +782,7 @@ Ensemble read_csv(const std::vector<std::filesystem::path>& paths, const ReadOpt
             "time stamps count from the first row of the file; --trigger aligns them by an event");
       name_experiments(paths[i], labels[i], table);
       remarks.add(file, table.remarks);
-      add_guesses(table.guesses, file, guesses);
+      add_guesses(table.guesses, i, file, guesses);
       std::vector<Index> length = table.length;
       length.resize(table.records.rows.experiments.size(), -1);
       noted.insert(noted.end(), length.begin(), length.end());

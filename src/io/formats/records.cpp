@@ -7,6 +7,7 @@
 #include <limits>
 #include <numeric>
 
+#include "base/statistics.hpp"
 #include "base/words.hpp"
 #include "io/guard/claims.hpp"
 
@@ -141,13 +142,6 @@ Signal signal_of(const Records& records, const std::vector<size_t>& order, size_
     s.time.push_back(time), s.value.push_back(value);
   }
   return s;
-}
-
-double median_of(std::vector<double> values) {
-  if (values.empty()) return 0.0;
-  const auto middle = values.begin() + std::ptrdiff_t(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 // How a channel is resampled, in the unit of the times.
@@ -384,7 +378,7 @@ double usual_distance(const TimeColumn& rows, const std::vector<std::vector<size
     for (size_t i = 1; i < own.size(); ++i)
       if (const double distance = rows.time[own[i]] - rows.time[own[i - 1]]; distance > 0)
         distances.push_back(distance);
-  return median_of(std::move(distances));
+  return distances.empty() ? 0.0 : statistics::median(std::move(distances));
 }
 
 struct FilledCount {
