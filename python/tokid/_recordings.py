@@ -134,7 +134,7 @@ def load(data: Any, options: _tokid.ReadOptions, **described: Any) -> _tokid.Ens
     else:
         core.experiment_names = [_in_memory(name, folder, labels) for name in core.experiment_names]
     core.reader_remarks = [_in_memory(text, folder, labels) for text in core.reader_remarks]
-    _keep_notes(core, tables, notes, labels if several else None, options)
+    _keep_notes(core, tables, notes, labels if len(parts) > 1 or isinstance(data, Mapping) and several else None, options)
     given = {name: value for name, value in described.items() if value is not None}
     if given:
         describe(core, **given)
@@ -202,12 +202,14 @@ def _keep_noted_lengths(
     begins = [_first_step(table, core.dt) for table in tables]
     if not any(own.get("length") for own in notes) or (labels is not None and any(begins)):
         return
-    lengths = dict(zip(names, list(core.length) or [core.steps] * core.experiments))
+    found = dict(zip(names, list(core.length) or [core.steps] * core.experiments))
+    lengths = dict(found)
     for number, own in enumerate(notes):
         for name, length in (own.get("length") or {}).items():
             alone = labels is not None and labels[number] in lengths
             lengths[name if labels is None else labels[number] if alone else f"{labels[number]}/{name}"] = length
-    _dataframe.keep_lengths(core, lengths, names, begins[0] if labels is None else 0)
+    if lengths != found:
+        _dataframe.keep_lengths(core, lengths, names, begins[0] if labels is None else 0)
 
 
 def _first_step(table: Any, dt: float) -> int:

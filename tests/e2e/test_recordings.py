@@ -484,6 +484,17 @@ def test_the_first_missing_word_is_named(tokid, tmp_path):
         tokid, tmp_path, path)[1]
 
 
+def test_ends_without_a_line_break_are_one_warning(tokid, tmp_path):
+    folder = tmp_path / "runs"
+    folder.mkdir()
+    for n in range(4):
+        write(folder / f"{n}.csv", f"t [s],u,y\n0,1,2\n1,2,{n}")
+    warnings = read(tokid, tmp_path, folder)[1]
+    assert warnings.count("line break") == 3 and warnings.count("warning: ") == 1
+    assert "'0.csv': line 3, the last one, ends without" in warnings
+    assert "; 3 more files end without a line break, too" in warnings
+
+
 def test_one_file_by_two_names_and_subfolders(tokid, tmp_path):
     folder = tmp_path / "runs"
     (folder / "more").mkdir(parents=True)

@@ -508,6 +508,7 @@ struct Table {
   std::vector<Index> length;
   bool names_experiments = false, stamped = false;
   Guesses guesses;
+  std::optional<std::string> cut;  // a remark on the end of the file
   Names remarks;
 };
 
@@ -561,7 +562,7 @@ Table read_table(const std::filesystem::path& path, const ReadOptions& options, 
   const Wanted wanted{options.inputs, options.outputs, notes.channels, options.wanted, options.outputs_required};
   const Chosen chosen = first ? same_columns(header, *first, wanted) : chosen_columns(header, wanted);
   RecordReader reader(header, chosen, options);
-  std::optional<std::string> cut;
+  Table table;
   // The parser leaves out blank lines. In a table of one column, they are empty cells.
   const bool has_blank_cells = header.columns().size() == 1 && !chosen.time && !chosen.step;
   Index blank = 0, next_line = start.last_line + 1;
@@ -570,9 +571,8 @@ Table read_table(const std::filesystem::path& path, const ReadOptions& options, 
     for (; has_blank_cells && next_line < row->line; ++next_line, ++blank) reader.add({next_line, {""}});
     next_line = row->line + 1;
     reader.add(*row);
-    if (text.has_open_end(*row)) cut = remark_on_end(*row, header);
+    if (text.has_open_end(*row)) table.cut = remark_on_end(*row, header);
   }
-  Table table;
   table.records = reader.take(options.dates, start.dialect.separator);
   if (table.records.rows.time.empty()) fail("no rows after the header found, samples needed");
   table.channels = channels_of(header, chosen, wanted);
@@ -595,7 +595,6 @@ Table read_table(const std::filesystem::path& path, const ReadOptions& options, 
     remark(fmt::format("{} of the only column {} read as missing samples", words::plural(blank, "blank line"),
                        blank == 1 ? "was" : "were"));
   if (table.records.source == StepSource::order) remark(std::string(rows_as_steps));
-  remark(cut);
   if (notes.has_checksum || text.is_changed()) remark(remark_on_change(path));
   for (std::string& one : table.records.remarks) remark(std::move(one));
   table.records.remarks.clear();
@@ -697,6 +696,14 @@ void add_guesses(const Guesses& more, size_t number, const std::string& file, Gu
   }
 }
 
+// One remark on all files without a final line break.
+std::string remark_on_ends(const std::vector<std::pair<std::string, std::string>>& cut) {
+  const std::string first = fmt::format("'{}': {}", cut.front().first, cut.front().second);
+  if (cut.size() == 1) return first;
+  return fmt::format("{}; {} more {} without a line break, too", first, cut.size() - 1,
+                     cut.size() == 2 ? "file ends" : "files end");
+}
+
 // The lengths that the comments of the tables state, for those that state any.
 void apply_noted_lengths(const std::vector<Index>& noted, Ensemble& e) {
   std::vector<Index> length = e.length.empty() ? std::vector<Index>(size_t(e.experiments()), e.steps()) : e.length;
@@ -744,6 +751,7 @@ Ensemble ensemble_of(Table table, const ReadOptions& options, bool many) {
 Ensemble read_csv(const std::filesystem::path& path, const ReadOptions& options) {
   Table table = read_table(path, options);
   Names remarks = table.remarks;
+  if (table.cut) remarks.push_back(*table.cut);
   if (!table.guesses.empty()) remarks.push_back(remark_on_guesses(table.guesses));
   const std::vector<Index> length = table.length;
   const bool changed = !options.trigger.empty() || options.resample.has_value();
@@ -769,6 +777,7 @@ Ensemble read_csv(const std::vector<std::filesystem::path>& paths, const ReadOpt
   Remarks remarks;
   Guesses guesses;
   std::vector<Index> noted;
+  std::vector<std::pair<std::string, std::string>> cut;  // names of files, and remarks on their ends
   for (size_t i = 0; i < paths.size(); ++i) {
     const std::string file = paths[i].filename().string();
     naming(paths[i], [&] {
@@ -782,6 +791,7 @@ Ensemble read_csv(const std::vector<std::filesystem::path>& paths, const ReadOpt
             "time stamps count from the first row of the file; --trigger aligns them by an event");
       name_experiments(paths[i], labels[i], table);
       remarks.add(file, table.remarks);
+      if (table.cut) cut.emplace_back(file, *table.cut);
       add_guesses(table.guesses, i, file, guesses);
       std::vector<Index> length = table.length;
       length.resize(table.records.rows.experiments.size(), -1);
@@ -804,6 +814,7 @@ Ensemble read_csv(const std::vector<std::filesystem::path>& paths, const ReadOpt
     apply_noted_lengths(noted, e);
   e.check(options.outputs_required);
   Names texts = remarks.take();
+  if (!cut.empty()) texts.push_back(remark_on_ends(cut));
   if (!guesses.empty()) texts.push_back(remark_on_guesses(guesses));
   e.remarks.insert(e.remarks.begin(), texts.begin(), texts.end());
   return e;
