@@ -167,7 +167,7 @@ def test_remarks_of_the_reader_can_be_searched():
     """So are the words of the remarks of the reader of .csv."""
     page = " ".join((DOCS / "troubleshooting.md").read_text().replace("`", "").split())
     searched = 0
-    for name in ("csv", "records", "time_stamp", "files"):
+    for name in ("csv", "csv_table", "table_start", "table_numbers", "records", "time_stamp", "files"):
         source = re.sub(r"//.*", "", (ROOT / f"src/io/formats/{name}.cpp").read_text())
         source = re.sub(r'"\s*"', "", source)
         functions = re.split(r"\n(?=\S)", source)

@@ -117,6 +117,7 @@ def test_marks_of_thousands_are_not_decimal_marks(tokid, tmp_path):
         ("t [s];u;y\n0;999;1.000\n1;998;1.001\n", "points in numbers were read as decimal points: 1.000 is 1; write"),
         ("t [s];u;y\n0;999;1,000\n1;998;1,001\n", "commas in numbers were read as decimal commas: 1,000 is 1; write"),
         ("t [s];u;y\n0;9;1,5\n1;9;1,001\n", "commas in numbers were read as decimal commas: 1,5 is 1.5"),
+        ('t [s],u,y\n"0,5",9,"1,001"\n"1,5",9,"1,002"\n', "commas in numbers were read as decimal commas: 1,5 is 1.5"),
         ('t [s],u,y\n0,9,"1,001"\n1,9,"0,125"\n', "commas in numbers were read as decimal commas: 1,5 is 1.5"),
     ]:
         data, warnings = read(tokid, tmp_path, write(tmp_path / "data.csv", text))
