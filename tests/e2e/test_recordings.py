@@ -113,6 +113,11 @@ def test_marks_of_thousands_are_not_decimal_marks(tokid, tmp_path):
     thousands = 't [s],u,y\n0,999,"1,000"\n1,998,"1,001"\n'
     message = tokid("info", write(tmp_path / "data.csv", thousands), status=2).stderr
     assert "line 2: '1,000' found; its comma and those of all numbers may group thousands" in message
+    for mark in ".,":
+        rising = "t [s];u;y\n" + "".join(f"{k};1;{y}\n" for k, y in enumerate(["998", "999", f"1{mark}000"]))
+        message = tokid("info", write(tmp_path / "data.csv", rising), status=2).stderr
+        assert f"line 4: '1{mark}000' found; this mark and those of all numbers seem to group thousands" in message
+        assert "because column 'y' has whole numbers below 1000 without one" in message
     for text, remark in [
         ("t [s];u;y\n0;999;1.000\n1;998;1.001\n", "points in numbers were read as decimal points: 1.000 is 1; write"),
         ("t [s];u;y\n0;999;1,000\n1;998;1,001\n", "commas in numbers were read as decimal commas: 1,000 is 1; write"),

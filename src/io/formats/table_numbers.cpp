@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 
 #include "base/words.hpp"
@@ -79,6 +80,13 @@ std::optional<std::string> NumberReader::remark_on_marks(char separator) const {
         "line {}: '{}' found; its comma and those of all numbers may group thousands or be decimal commas; numbers "
         "without marks of thousands and with a decimal point needed",
         mark_line_, words::quoted(mark_cell_));
+  const auto mixed = std::find_if(marked_.begin(), marked_.end(),
+                                  [&](const std::string& column) { return below_thousand_.count(column) > 0; });
+  if (only_thousands_ && mixed != marked_.end())
+    fail(
+        "line {}: '{}' found; this mark and those of all numbers seem to group thousands, because column '{}' has "
+        "whole numbers below 1000 without one; numbers without marks of thousands needed",
+        mark_line_, words::quoted(mark_cell_), *mixed);
   const char* name = mark_ == ',' ? "comma" : "point";
   return only_thousands_
              ? fmt::format("{0}s in numbers were read as decimal {0}s: 1{1}000 is 1; write thousands without {0}s",
@@ -98,7 +106,15 @@ std::string NumberReader::with_point(std::string text) const {
 
 std::optional<double> NumberReader::counted_value(std::string_view cell, Index line, const std::string& column) {
   const auto value = value_of(cell, line, column);
-  if (value && cell.find(mark_) != std::string_view::npos) only_thousands_ = only_thousands_ && may_be_thousands(cell);
+  if (!value || !only_thousands_) return value;
+  const bool marked = mark_ != '\0' && cell.find(mark_) != std::string_view::npos;
+  if (marked) only_thousands_ = may_be_thousands(cell);
+  const bool below_thousand = !marked && cell.find_first_not_of("0123456789+-") == std::string_view::npos &&
+                              std::abs(*value) < 1000 && *value != 0;
+  if (marked)
+    marked_.insert(column);
+  else if (below_thousand)
+    below_thousand_.insert(column);
   return value;
 }
 

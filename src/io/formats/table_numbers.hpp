@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <unordered_set>
 #include <vector>
 
 #include "io/arrays.hpp"
@@ -40,7 +41,8 @@ class NumberReader {
 
   const Guesses& guesses() const { return guesses_; }
   // How the marks in numbers were read, if a program may have meant them otherwise. Must be called after the last
-  // number. \throws IoError if commas in a table with commas between cells can as well group thousands
+  // number. \throws IoError if commas in a table with commas between cells can as well group thousands, and if the
+  // numbers of a column show that they do
   std::optional<std::string> remark_on_marks(char separator) const;
   std::optional<std::string> remark_on_switches() const;
   // A number of a decimal comma as one of a decimal point; for the precision of times.
@@ -58,6 +60,7 @@ class NumberReader {
   Index mark_line_ = 0;
   std::string mark_cell_;
   bool only_thousands_ = true;  // of the numbers with a mark: each may be a whole number with a mark of thousands
+  std::unordered_set<std::string> marked_, below_thousand_;  // columns, while that is so
   bool has_switches_ = false;
   Guesses guesses_;
 };
