@@ -82,6 +82,9 @@ void Command::columns(ReadOptions& options) {
       "Columns of a .csv that are inputs (default: names beginning with u)");
   add("--outputs", options.outputs, "A,B,...", name_of_column,
       "Columns of a .csv that are outputs (default: names beginning with y)");
+  text(
+      "--time", "NAME", "Column of a .csv with the times (default: by names such as time and t, or by time stamps)",
+      [&options](const std::string& name) { return !(options.time = name).empty(); }, "the name of a column needed");
   add("--missing", options.missing, "WORD,...", word,
       "Words in a .csv that stand for a missing sample, besides Bad, ---, NaN, null and others");
   choice("--dates", options.dates, {{"day-first", DateOrder::day_first}, {"month-first", DateOrder::month_first}},

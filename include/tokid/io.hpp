@@ -50,6 +50,7 @@ struct ReadOptions {
   // unless `inputs` and `outputs` state other columns. Empty: all channels in the order of the file.
   Channels wanted = {};
   // Of .csv files alone:
+  std::string time = {};                  // the column of times; empty: found by its name or its time stamps
   std::vector<std::string> missing = {};  // more words that stand for a missing sample, such as "-999"
   DateOrder dates = DateOrder::automatic;
   // Sample time [s]. Times that lie up to a tenth of a step beside their step are moved to it, and a remark states the

@@ -77,6 +77,8 @@ def test_words_and_times_in_tables():
     assert np.isnan(data.y[0, 4:6, 0]).all() and not np.isnan(data.y[0, 6:, 0]).any()
     indexed = table(3).set_index("when")
     assert tokid.Ensemble.from_dataframe([indexed, indexed], **CHANNELS).dt == 0.1
+    numbered = table(3).assign(when=T).rename(columns={"when": "X"})
+    assert tokid.Ensemble.from_dataframe([numbered], **CHANNELS, time="X").dt == 0.1
     elapsed = indexed.set_axis(indexed.index - indexed.index[0])
     assert tokid.Ensemble.from_dataframe([elapsed], **CHANNELS).fingerprint == \
         tokid.Ensemble.from_dataframe([table(3)], **CHANNELS).fingerprint

@@ -155,6 +155,7 @@ class Ensemble(Channels):
         inputs: Sequence[str] = (),
         outputs: Sequence[str] = (),
         outputs_required: bool = False,
+        time: Optional[str] = None,
         missing: Sequence[str] = (),
         dates: Optional[str] = None,
         dt: Optional[float] = None,
@@ -176,6 +177,8 @@ class Ensemble(Channels):
             Columns of a .csv that are inputs and outputs; by default those whose names begin with u and y.
         outputs_required : bool, default False
             Refuse a file without outputs.
+        time : str, optional
+            The column of a .csv with the times; by default found by its name, or by its time stamps.
         missing : sequence of str, optional
             Words in a .csv that stand for a missing sample, besides Bad, ---, NaN, null and others.
         dates : {"day-first", "month-first"}, optional
@@ -212,6 +215,7 @@ class Ensemble(Channels):
             inputs=inputs,
             outputs=outputs,
             outputs_required=outputs_required,
+            time=time,
             missing=missing,
             dates=dates,
             dt=dt,
@@ -415,7 +419,7 @@ class Ensemble(Channels):
         outputs_required : bool, default False
             Reject a table without outputs.
         **recorded
-            The options ``missing``, ``dates``, ``trigger``, ``before``, ``resample``, ``resample_method`` and
+            The options ``time``, ``missing``, ``dates``, ``trigger``, ``before``, ``resample``, ``resample_method`` and
             ``longest_gap`` of `load`.
 
         Returns
@@ -506,7 +510,7 @@ class Ensemble(Channels):
         inputs, outputs : sequence, optional
             Variables that are inputs and outputs, where each channel is a variable.
         **recorded
-            The options ``missing``, ``dates``, ``trigger``, ``before``, ``resample``, ``resample_method`` and
+            The options ``time``, ``missing``, ``dates``, ``trigger``, ``before``, ``resample``, ``resample_method`` and
             ``longest_gap`` of `load`, where each channel is a variable.
 
         Returns

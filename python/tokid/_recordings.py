@@ -28,6 +28,7 @@ def read_options(
     inputs: Optional[Sequence[Any]] = None,
     outputs: Optional[Sequence[Any]] = None,
     outputs_required: bool = False,
+    time: Optional[str] = None,
     missing: Sequence[Any] = (),
     dates: Optional[str] = None,
     dt: Optional[float] = None,
@@ -49,6 +50,7 @@ def read_options(
     options.inputs = [str(name) for name in inputs or ()]
     options.outputs = [str(name) for name in outputs or ()]
     options.outputs_required = bool(outputs_required)
+    options.time = time or ""
     options.missing = [str(word) for word in missing]
     options.dates = dates or ""
     options.dt = None if dt is None else _options.real("dt", dt, 0.0)

@@ -152,6 +152,16 @@ def test_times(tokid, tmp_path, kind):
     assert ("dates were read as month/day, as '11/27/2026 1:12:05.0 PM'" in warnings) == (kind == "month/day/year")
 
 
+def test_a_stated_column_of_times(tokid, tmp_path):
+    path = write(tmp_path / "data.csv", "X [ms],time [s],u,y\n" + rows(lambda k, u, y: f"{20 * k},{k},{u},{y}"))
+    data, warnings = read(tokid, tmp_path, path, "--time", "X")
+    assert data["dt"] == 0.02 and "column 'time [s]' is not used" in warnings
+    assert "no column 'Z' found among" in tokid("info", path, "--time", "Z", status=2).stderr
+    assert "column 'u' is stated as times and as a channel" in tokid("info", path, "--time", "u", status=2).stderr
+    write(path, "X [bar],u,y\n" + rows(lambda k, u, y: f"{20 * k},{u},{y}"))
+    assert "the unit 'bar' is not known" in tokid("info", path, "--time", "X", status=2).stderr
+
+
 def test_dates_and_times_of_day_in_two_columns_over_midnight(tokid, tmp_path):
     text = "Date,Clock,u,y\n" + rows(lambda k, u, y: f"0{3 + (k > 4)}/04/2026,{(19 + k) % 24:02d}:00:00,{u},{y}")
     path = write(tmp_path / "data.csv", text)

@@ -81,9 +81,15 @@ std::optional<TimeUnit> unit_of(const Column& column) {
   return apart && unit ? time_unit(fmt::format("{} [{}]", column.title, column.label.unit)) : unit;
 }
 
+// The unit of a column that is stated to contain times. \throws IoError for a unit that is not one of time
+TimeUnit stated_unit(const Column& column) {
+  if (column.label.unit.empty()) return unit_of(column).value_or(TimeUnit{});
+  return time_unit(fmt::format("time [{}]", column.label.unit)).value_or(TimeUnit{});
+}
+
 // Finds the column that states the steps of the rows. In order of preference: "time", another name for times, time
 // stamps, "k", another name for step numbers, dates alone.
-void find_steps(const Header& header, const Channels& noted, Chosen& chosen) {
+void find_steps(const Header& header, const std::string& stated, const Channels& noted, Chosen& chosen) {
   const std::vector<size_t> others = other_columns(header, chosen, noted);
   std::vector<size_t> named, stamped, dates, clocks, numbered;
   for (const size_t c : others) {
@@ -96,8 +102,11 @@ void find_steps(const Header& header, const Channels& noted, Chosen& chosen) {
   }
   chosen.step = header.find("k");
   if (chosen.step && !contains_column(others, *chosen.step)) chosen.step.reset();
-  chosen.time = header.find("time");
-  if (chosen.time && !contains_column(others, *chosen.time)) chosen.time.reset();
+  chosen.time = stated.empty() ? header.find("time") : header.need(stated);
+  if (chosen.time && !contains_column(others, *chosen.time)) {
+    if (!stated.empty()) fail("column '{}' is stated as times and as a channel; one of the two needed", stated);
+    chosen.time.reset();
+  }
   if (!chosen.time) chosen.time = only_one(header, named, "times", "time");
   if (!chosen.time) chosen.time = only_one(header, stamped, "times", "time");
   if (!chosen.time) chosen.time = only_one(header, clocks, "times", "time");
@@ -107,7 +116,7 @@ void find_steps(const Header& header, const Channels& noted, Chosen& chosen) {
     chosen.stamped = column.content != Content::other;
     if (column.content == Content::clock && dates.size() == 1) chosen.date = dates.front();
     chosen.of_minutes = column.content == Content::clock && is_minutes_and_seconds(column.label.unit);
-    if (!chosen.stamped) chosen.unit = unit_of(column).value_or(TimeUnit{});
+    if (!chosen.stamped) chosen.unit = stated.empty() ? unit_of(column).value_or(TimeUnit{}) : stated_unit(column);
     return;
   }
   if (!chosen.step) chosen.step = only_one(header, numbered, "step numbers", "k");
@@ -202,7 +211,7 @@ Chosen chosen_columns(const Header& header, const Wanted& wanted) {
   if (chosen.outputs.empty() && wanted.outputs_required)
     fail("no column whose name begins with y found among {}; name the outputs; {}{}", quoted(header.titles()), how,
          header.place());
-  find_steps(header, wanted.noted, chosen);
+  find_steps(header, wanted.time, wanted.noted, chosen);
   return chosen;
 }
 

@@ -61,6 +61,7 @@ struct Chosen {
 
 struct Wanted {
   Names inputs, outputs;  // that the caller states
+  std::string time;       // the column of times that the caller states
   Channels noted;         // names in the comments of the file
   Channels model;         // channels of a model: taken if the table has all of them, and nothing else is stated
   bool outputs_required = true;

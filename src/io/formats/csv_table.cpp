@@ -214,7 +214,8 @@ Table read_table(const std::filesystem::path& path, const ReadOptions& options, 
   TableStart start = table_start(text, options);
   const Notes& notes = start.notes;
   const Header header(std::move(start.columns), start.header_line);
-  const Wanted wanted{options.inputs, options.outputs, notes.channels, options.wanted, options.outputs_required};
+  const Wanted wanted{options.inputs, options.outputs, options.time,
+                      notes.channels, options.wanted,  options.outputs_required};
   const Chosen chosen = first ? same_columns(header, *first, wanted) : chosen_columns(header, wanted);
   RecordReader reader(header, chosen, options);
   Table table;

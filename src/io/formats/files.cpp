@@ -127,6 +127,7 @@ void check_no_csv_options(const ReadOptions& options) {
   const auto refuse = [](bool stated, const char* name) {
     if (stated) fail("{}: only .csv files are read with this option; leave it out, or convert the data to .csv", name);
   };
+  refuse(!options.time.empty(), "time");
   refuse(!options.missing.empty(), "missing");
   refuse(options.dates != DateOrder::automatic, "dates");
   refuse(options.dt.has_value(), "dt");

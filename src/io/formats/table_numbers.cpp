@@ -55,13 +55,13 @@ double NumberReader::number(std::string_view cell, Index line, const std::string
     has_switches_ = true;
     return *state;
   }
-  if (!stands_for_missing(cell, line, column)) fail_number(cell, line, column);
+  if (!stands_for_missing(cell, line, column)) fail_number(cell, line, column, true);
   return missing_number;
 }
 
 double NumberReader::time(std::string_view cell, Index line, const std::string& column) {
   if (const auto value = counted_value(cell, line, column)) return *value;
-  if (!is_missing(cell) && !is_word_for_missing(cell)) fail_number(cell, line, column);
+  if (!is_missing(cell) && !is_word_for_missing(cell)) fail_number(cell, line, column, false);
   return missing_number;
 }
 
@@ -132,12 +132,14 @@ std::optional<double> NumberReader::value_of(std::string_view cell, Index line, 
   return value;
 }
 
-void NumberReader::fail_number(std::string_view cell, Index line, const std::string& column) const {
+void NumberReader::fail_number(std::string_view cell, Index line, const std::string& column,
+                               bool may_be_missing) const {
   const std::string at = fmt::format("line {}, column '{}': '{}' found", line, column, words::quoted(cell));
   if (mark_ == '.' && number_from(cell, ','))
     fail("{}, but '{}' in line {}; the same decimal mark in the whole table needed", at, words::quoted(mark_cell_),
          mark_line_);
-  if (number_from(cell, '.') || number_from(cell, ',') || cell.find_first_of("0123456789") != std::string_view::npos)
+  if (number_from(cell, '.') || number_from(cell, ',') || cell.find_first_of("0123456789") != std::string_view::npos ||
+      !may_be_missing)
     fail("{}, a number needed", at);
   fail("{}, a number needed; --missing '{}' reads it as a missing sample", at, words::quoted(cell));
 }

@@ -52,7 +52,9 @@ class NumberReader {
   std::optional<double> counted_value(std::string_view cell, Index line, const std::string& column);
   std::optional<double> value_of(std::string_view cell, Index line, const std::string& column);
   void decide(char mark, Index line, std::string_view cell) { mark_ = mark, mark_line_ = line, mark_cell_ = cell; }
-  [[noreturn]] void fail_number(std::string_view cell, Index line, const std::string& column) const;
+  // `may_be_missing`: the message about a text says how to read it as a missing sample.
+  [[noreturn]] void fail_number(std::string_view cell, Index line, const std::string& column,
+                                bool may_be_missing) const;
 
   Names words_;
   std::vector<double> numbers_;

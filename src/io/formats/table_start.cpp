@@ -38,6 +38,7 @@ std::optional<TableText::Line> read_comments(TableText& text, Notes& notes) {
 Names wanted_titles(const ReadOptions& options) {
   Names wanted = options.inputs;
   wanted.insert(wanted.end(), options.outputs.begin(), options.outputs.end());
+  if (!options.time.empty()) wanted.push_back(options.time);
   return wanted;
 }
 
