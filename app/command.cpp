@@ -159,13 +159,22 @@ void Command::columns(ReadOptions& options) {
     const auto dt = parse_number<double>(number, 0.0, std::numeric_limits<double>::max());
     return dt && *dt > 0 ? std::optional(dt) : std::nullopt;
   };
+  value("--dt", options.dt, "SECONDS",
+        "Sample time of a .csv, to whose steps times are moved by up to a tenth of a step", seconds,
+        "a positive sample time in seconds needed");
   value("--resample", options.resample, "SECONDS",
         "Sample time of a common grid on which the samples of a .csv are brought", seconds,
         "a positive sample time in seconds needed");
   choice("--resample-method", options.resample_method, resample_methods(),
          "How they are brought there (default linear)");
-  number("--longest-gap", options.longest_gap, "STEPS", "Longest gap that resampling fills (default 3)", Index{1},
-         Index{1'000'000'000});
+  value(
+      "--longest-gap", options.longest_gap, "STEPS",
+      "Longest gap that resampling fills (default 3; for the method previous no limit)",
+      [](const std::string& steps) -> std::optional<std::optional<std::int64_t>> {
+        const auto gap = parse_number<std::int64_t>(steps, 1, 1'000'000'000);
+        return gap ? std::optional(gap) : std::nullopt;
+      },
+      "a whole number from 1 to 1000000000 needed");
 }
 
 void Command::horizon(Index& target) {

@@ -34,6 +34,19 @@ bool same_file(const fs::path& a, const fs::path& b) {
          fs::weakly_canonical(fs::absolute(a, error), error) == fs::weakly_canonical(fs::absolute(b, error), error);
 }
 
+namespace {
+
+// The files of a folder or of a pattern. A path without any file stands for itself; its reader reports it.
+std::vector<fs::path> files_of(const fs::path& path) {
+  try {
+    return data_files(path);
+  } catch (const IoError&) {
+    return {path};
+  }
+}
+
+}  // namespace
+
 FileLock held_file(const fs::path& path, double limit) {
   return FileLock(path, {limit, [](const std::string& text) { message(text); }});
 }
@@ -59,8 +72,9 @@ void check_output(const fs::path& path, Content content, const std::vector<fs::p
 
   std::error_code error;
   for (const fs::path& other : kept)
-    if (same_file(path, other))
-      refuse("another file of this command has this name, and writing would replace it. Use another name");
+    for (const fs::path& file : files_of(other))
+      if (same_file(path, file))
+        refuse("another file of this command has this name, and writing would replace it. Use another name");
   if (fs::is_directory(path, error)) refuse("a directory found, the name of a file needed");
   if (error == std::errc::filename_too_long) refuse(fmt::format("can't be written: {}", error.message()));
   const fs::path directory = path.has_parent_path() ? path.parent_path() : fs::path(".");

@@ -29,7 +29,8 @@ namespace fs = std::filesystem;
 std::string extension_of(const fs::path& path);  // in lower case, with its dot
 
 enum class Content { ensemble, model, bounds, state, controller, page, table, code };
-// Checks before long work that the file can be written under this name, and that it is not one of the files in `kept`.
+// Checks before long work that the file can be written under this name, and that it is not one of the files in `kept`,
+// whose paths may also be folders and patterns.
 // \throws IoError for a wrong name, WriteError if the system does not permit writing
 void check_output(const fs::path& path, Content content, const std::vector<fs::path>& kept = {});
 

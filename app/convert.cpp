@@ -25,6 +25,18 @@ Call with_output(Call call) {
   return call;
 }
 
+// A shell that expands a pattern makes its last file OUT if the user forgot OUT. That file must stay.
+void check_no_recording(const Call& call) {
+  const auto is_csv = [](const fs::path& path) { return extension_of(path) == ".csv"; };
+  std::error_code error;
+  if (!is_csv(call.output) || !fs::exists(call.output, error)) return;
+  if (call.paths.size() == 1 && !is_csv(call.paths.front())) return;
+  throw std::invalid_argument(fmt::format(
+      "OUT: '{}' found, a .csv that exists and may be a recording, so it was not replaced. The last file is "
+      "the one to write: name a new file there, or delete this one first",
+      call.output.string()));
+}
+
 void run(const Call& call) {
   const std::optional<FileKind> kind = call.paths.size() == 1 ? std::optional(file_kind(call.input)) : std::nullopt;
   if (kind == FileKind::controller)
@@ -33,6 +45,7 @@ void run(const Call& call) {
   const bool model = kind == FileKind::model;
   // The converted file has only the arrays and columns that tokid uses. The original must therefore not be replaced.
   check_output(call.output, model ? Content::model : Content::ensemble, call.paths);
+  check_no_recording(call);
   if (call.write.mat73 && extension_of(call.output) != ".mat")
     throw std::invalid_argument(fmt::format("--mat73: the output is '{}', a .mat needed", call.output.string()));
   std::vector<std::string> warnings;

@@ -116,37 +116,38 @@ std::string line_of(const std::vector<double>& values, Range range, bool blocks)
 
 std::string short_number(double value) { return std::isnan(value) ? "-" : fmt::format("{:.3g}", value); }
 
-// Cuts a text to a number of characters.
-std::string cut(const std::string& text, size_t most) {
+// Cuts a text to a number of characters. `blocks`: the terminal shows characters beyond ASCII.
+std::string cut(const std::string& text, size_t most, bool blocks) {
+  const std::string_view mark = blocks ? "\u2026" : "...";
+  const size_t kept = most - (blocks ? 1 : 3);
   size_t characters = 0, end = 0;
   for (size_t i = 0; i < text.size(); ++i) {
     if ((static_cast<unsigned char>(text[i]) & 0xC0U) == 0x80U) continue;
-    if (characters++ == most - 1) end = i;
+    if (characters++ == kept) end = i;
   }
-  return characters <= most ? text : text.substr(0, end) + "\u2026";
+  return characters <= most ? text : fmt::format("{}{}", text.substr(0, end), mark);
 }
 
-std::string padded(const std::string& text, size_t columns) {
-  const std::string shown = cut(text, columns);
+std::string padded(const std::string& text, size_t columns, bool blocks) {
+  const std::string shown = cut(text, columns, blocks);
   const auto count = size_t(std::count_if(shown.begin(), shown.end(),
                                           [](char c) { return (static_cast<unsigned char>(c) & 0xC0U) != 0x80U; }));
   return shown + std::string(columns - std::min(columns, count), ' ');
 }
 
-void add_line(const std::string& label, const std::string& drawing, const std::string& range, std::string& text) {
-  std::string line = fmt::format("{}{}  {}", padded(label, label_columns), drawing, range);
+void add_line(const std::string& label, const std::string& drawing, const std::string& range, bool blocks,
+              std::string& text) {
+  std::string line = fmt::format("{}{}  {}", padded(label, label_columns, blocks), drawing, range);
   line.erase(line.find_last_not_of(' ') + 1);
   text += line + '\n';
 }
-
-double median_of(std::vector<double> values) { return median(std::move(values)); }
 
 // RMS of the departures of each experiment from the median over the experiments.
 std::vector<double> distances(const Ensemble& e, Index c) {
   std::vector<double> squares(size_t(e.experiments())), samples(size_t(e.experiments()));
   for (Index k = 0; k < e.steps(); ++k) {
     const auto column = e.samples().col(k * e.channels() + c);
-    const double middle = median_of({column.begin(), column.end()});
+    const double middle = median({column.begin(), column.end()});
     for (Index n = 0; n < e.experiments(); ++n)
       if (!std::isnan(column(n)))
         squares[size_t(n)] += (column(n) - middle) * (column(n) - middle), samples[size_t(n)] += 1;
@@ -176,16 +177,17 @@ std::vector<Odd> odd_experiments(const Ensemble& e) {
   std::vector<std::string> why(size_t(e.experiments()));
   for (Index c = 0; c < e.channels(); ++c) {
     const std::vector<double> distance = distances(e, c);
-    const double usual = median_of(distance);
-    if (!(usual > 0)) continue;
+    const double usual = median(distance);
     for (size_t n = 0; n < distance.size(); ++n) {
       if (!(distance[n] > largest[n] * usual)) continue;
-      largest[n] = distance[n] / usual;
-      why[n] = fmt::format("{} is {:.2g} times as far from the median as usual", label_of(e, c), largest[n]);
+      largest[n] = distance[n] / usual;  // infinite where most experiments are equal
+      why[n] = usual == 0
+                   ? fmt::format("{} differs where the others are equal", label_of(e, c))
+                   : fmt::format("{} is {:.2g} times as far from the median as usual", label_of(e, c), largest[n]);
     }
   }
   if (!e.length.empty()) {
-    const double usual = median_of({e.length.begin(), e.length.end()});
+    const double usual = median({e.length.begin(), e.length.end()});
     for (size_t n = 0; n < why.size(); ++n)
       if (why[n].empty() && double(e.length[n]) < 0.5 * usual)
         why[n] = fmt::format("has {} of the usual {:.0f}", plural(e.length[n], "step"), usual);
@@ -201,36 +203,36 @@ std::string picture(const Ensemble& e, bool blocks) {
   const size_t shown = std::min(size_t(e.channels()), most_channels);
   add_line("Picture",
            fmt::format("steps 0 to {} from left to right, mean and spread over the experiments", e.steps() - 1), "",
-           text);
+           blocks, text);
   for (size_t c = 0; c < shown; ++c) {
     const Course course = course_of(e, Index(c));
     const auto draw = [&](const std::string& label, const std::vector<double>& values, Range range,
                           const std::string& of) {
-      add_line(label, line_of(in_cells(values, cells, false), range, blocks), of, text);
+      add_line(label, line_of(in_cells(values, cells, false), range, blocks), of, blocks, text);
     };
-    const Range mean = range_of(course.mean), spread = range_of(course.spread), drawn = range_with_spread(course);
+    const Range spread = range_of(course.spread), drawn = range_with_spread(course);
     draw(label_of(e, Index(c)), course.mean, drawn,
-         fmt::format("{} to {}", short_number(mean.low), short_number(mean.high)));
+         fmt::format("{} to {}", short_number(drawn.low), short_number(drawn.high)));
     if (!std::isnan(spread.high))
       draw("  spread", course.spread, {0.0, spread.high}, fmt::format("up to {}", short_number(spread.high)));
     if (course.missing_samples == 0) continue;
     std::vector<double> gaps = in_cells(course.missing, cells, true);
     std::replace(gaps.begin(), gaps.end(), 0.0, none);
-    add_line("  missing", line_of(gaps, {0.0, 1.0}, blocks), plural(course.missing_samples, "sample"), text);
+    add_line("  missing", line_of(gaps, {0.0, 1.0}, blocks), plural(course.missing_samples, "sample"), blocks, text);
   }
   if (shown < size_t(e.channels()))
     add_line(
         "",
         fmt::format("{} more; --picture FILE.html draws all of them", plural(e.channels() - Index(shown), "channel")),
-        "", text);
+        "", blocks, text);
   constexpr size_t most_odd = 5;
   const std::vector<Odd> odd = odd_experiments(e);
   for (size_t i = 0; i < std::min(odd.size(), most_odd); ++i)
     add_line(i == 0 ? "Odd" : "",
              cut(printable(fmt::format("experiment {}: {}", e.experiment(odd[i].experiment), odd[i].why)),
-                 widest - label_columns),
-             "", text);
-  if (odd.size() > most_odd) add_line("", fmt::format("{} more", odd.size() - most_odd), "", text);
+                 widest - label_columns, blocks),
+             "", blocks, text);
+  if (odd.size() > most_odd) add_line("", fmt::format("{} more", odd.size() - most_odd), "", blocks, text);
   return text;
 }
 
@@ -275,7 +277,8 @@ std::string path_of(const std::vector<double>& values, const Scale& scale) {
       drawn = false;
       continue;
     }
-    path += fmt::format("{}{:.1f} {:.1f}", drawn ? "L" : "M", scale.x(k), scale.y(values[k]));
+    // A lone sample becomes a line of no length, whose round ends are a point.
+    path += fmt::format("{}{:.1f} {:.1f}{}", drawn ? "L" : "M", scale.x(k), scale.y(values[k]), drawn ? "" : "h0");
     drawn = true;
   }
   return path;
@@ -323,14 +326,15 @@ std::string drawing(const Ensemble& e, Index c, const std::vector<Odd>& odd) {
   for (const auto& line : lines) svg += fmt::format("<path class=\"odd\" d=\"{}\"/>", path_of(line, scale));
   svg += fmt::format("<path class=\"mean\" d=\"{}\"/>", path_of(mean, scale));
   const std::vector<double> missing = in_cells(course.missing, cells, true);
+  const double wide = std::max(1.0, drawing_width / double(cells));
   for (size_t i = 0; i < cells; ++i)
     if (missing[i] > 0)
       svg += fmt::format("<rect class=\"gap\" x=\"{:.1f}\" y=\"{}\" width=\"{:.1f}\" height=\"6\" opacity=\"{:.2f}\"/>",
-                         scale.x(i), drawing_height + 4, std::max(1.0, drawing_width / double(cells)),
+                         std::clamp(scale.x(i) - 0.5 * wide, 0.0, drawing_width - wide), drawing_height + 4, wide,
                          std::max(0.25, missing[i]));
   svg += "</svg>";
   return fmt::format(
-      "<section><h2>{}</h2><p>{} to {}; spread over the experiments up to {}{}</p>{}</section>\n",
+      "<section><h2>{}</h2><p>mean from {} to {}; spread over the experiments up to {}{}</p>{}</section>\n",
       escaped(label_of(e, c)), short_number(range_of(course.mean).low), short_number(range_of(course.mean).high),
       short_number(range_of(course.spread).high),
       course.missing_samples > 0 ? fmt::format("; {} missing", plural(course.missing_samples, "sample")) : "", svg);
@@ -341,7 +345,7 @@ constexpr std::string_view style = R"(
 @media(prefers-color-scheme:dark){:root{--ink:#e6e9ee;--soft:#a2acb8;--paper:#14171b;--mean:#7db8f5;--band:#2d5580;--odd:#f0955c;--gap:#ef7b70}}
 body{font:16px/1.5 system-ui,sans-serif;margin:0 auto;max-width:960px;padding:1rem;color:var(--ink);background:var(--paper)}
 h1{font-size:1.4rem}h2{font-size:1rem;margin:1.2rem 0 0}p{margin:.1rem 0 .3rem;color:var(--soft)}
-svg{width:100%;height:auto;display:block}path{fill:none;stroke-width:1.6;vector-effect:non-scaling-stroke}
+svg{width:100%;height:auto;display:block}path{fill:none;stroke-width:1.6;stroke-linecap:round;vector-effect:non-scaling-stroke}
 .mean{stroke:var(--mean)}.odd{stroke:var(--odd);stroke-width:1}.band{fill:var(--band);opacity:.6}.gap{fill:var(--gap)}
 )";
 

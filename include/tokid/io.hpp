@@ -53,13 +53,18 @@ struct ReadOptions {
   std::string time = {};                  // the column of times; empty: found by its name or its time stamps
   std::vector<std::string> missing = {};  // more words that stand for a missing sample, such as "-999"
   DateOrder dates = DateOrder::automatic;
+  // Sample time [s]. Times that lie up to a tenth of a step beside their step are moved to it, and a remark states the
+  // largest distance. Empty: the comments of the file or the times state it, and the times must be even.
+  std::optional<double> dt = {};
   // "valve > 0.5": the first sample at which this holds becomes step 0 of its experiment. Any column, one of
   // > >= < <= == !=, and a number; with == and != also a text. Empty: no alignment.
   std::string trigger = {};
   std::int64_t before = 0;              // steps that are kept before the trigger, ≥ 0
   std::optional<double> resample = {};  // sample time of a new common grid [s]; empty: the samples stay
   ResampleMethod resample_method = ResampleMethod::linear;
-  std::int64_t longest_gap = 3;  // steps: longer gaps are not filled by resampling, ≥ 1
+  // Steps: longer gaps are not filled by resampling, ≥ 1. Empty: 3, or no limit for the method previous, because a
+  // channel that is logged at its changes holds its value until the next one.
+  std::optional<std::int64_t> longest_gap = {};
 };
 
 // Identity of a file and its last change. `changed` is the time of the last status change. Programs can set the time

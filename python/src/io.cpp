@@ -23,7 +23,8 @@ void bind_read_options(nb::module_& module) {
       .def_rw("trigger", &Options::trigger)
       .def_rw("before", &Options::before)
       .def_rw("resample", &Options::resample, nb::arg().none())
-      .def_rw("longest_gap", &Options::longest_gap)
+      .def_rw("longest_gap", &Options::longest_gap, nb::arg().none())
+      .def_rw("dt", &Options::dt, nb::arg().none())
       .def_prop_rw(
           "dates",
           [](const Options& o) {

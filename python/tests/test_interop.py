@@ -519,7 +519,7 @@ BAD = {
     "a step that is a signal": (
         {"step": [0, 1, 1], "u1": [1.0, 2.0, 3.0]},
         {},
-        "row 2: a second row for step 1 of experiment '' found, one needed; the column 'step' was read as step "
+        "row 2: a second row for step 1 found, one needed; the column 'step' was read as step "
         "numbers: ",
     ),
     "numbers of rows": (

@@ -84,6 +84,73 @@ def test_words_and_times_in_tables():
         tokid.Ensemble.from_dataframe([table(3)], **CHANNELS).fingerprint
 
 
+def test_notes_of_to_dataframe_are_kept():
+    rng = np.random.default_rng(1)
+    data = tokid.Ensemble(
+        rng.standard_normal((3, 8, 1)),
+        rng.standard_normal((3, 8, 2)),
+        dt=0.5,
+        length=[8, 6, 7],
+        initial_state="zero",
+        input_names=["valve"],
+        output_names=["T", "p"],
+        input_units=["%"],
+        output_units=["degC", ""],
+        experiment_names=["a", "b", "c"],
+    )
+    table = data.to_dataframe()
+    facts = [
+        (e.fingerprint, e.initial_state, e.input_units, e.output_units, e.input_names, list(e.length), e.dt, e.experiment_names)
+        for e in (
+            tokid.Ensemble.from_dataframe(table),
+            tokid.Ensemble.from_dataframe(table, missing=["Fault"]),
+            tokid.Ensemble.from_dataframe([table]),
+        )
+    ]
+    assert facts[0] == facts[1] == facts[2]
+    assert facts[0][1:4] == ("zero", ["%"], ["degC", ""]) and facts[0][5] == [8, 6, 7]
+    # An event moves the begin of an experiment, so its state is not known, and its length is another one.
+    moved = tokid.Ensemble.from_dataframe(table, trigger="valve > 0")
+    assert moved.initial_state is None and moved.input_units == ["%"]
+    halves = [table[table["experiment"] == "a"], table[table["experiment"] != "a"]]
+    both = tokid.Ensemble.from_dataframe(dict(zip(("one", "two"), halves)))
+    assert both.experiment_names == ["one", "two/b", "two/c"]
+    assert both.initial_state == "zero" and list(both.length) == [8, 6, 7]
+    halves[1].attrs["tokid"] = {**table.attrs["tokid"], "initial_state": "unknown"}
+    with pytest.raises(ValueError, match="initial_state: 'zero' and 'unknown' found in the notes of the tables"):
+        tokid.Ensemble.from_dataframe(halves)
+
+
+def test_names_of_tables(recwarn):
+    long = pd.concat([run.assign(experiment=name) for name, run in RUNS.items()])
+    two = tokid.Ensemble.from_dataframe({"x": long, "table0": long}, **CHANNELS)
+    assert two.experiment_names == ["x/run10", "x/run9", "table0/run10", "table0/run9"]
+    assert tokid.Ensemble.from_dataframe({"only": table(3)}, **CHANNELS).experiment_names == ["only"]
+    idle = table(3).assign(**{"valve [%]": 0.0})
+    with pytest.warns(tokid.TokidWarning, match="it never holds in experiment 'b', which was dropped"):
+        tokid.Ensemble.from_dataframe({"a": table(3), "b": idle}, **CHANNELS, trigger="valve > 50")
+    assert not any("recorded_table" in str(warning.message) for warning in recwarn)
+
+
+def test_truth_values_are_numbers():
+    run = table(3)
+    run["valve [%]"] = run["valve [%]"] > 0
+    mixed = run.astype({"valve [%]": object})
+    mixed.loc[1, "valve [%]"] = None
+    for part in (run, mixed):
+        data = tokid.Ensemble.from_dataframe([part], **CHANNELS)
+        np.testing.assert_array_equal(data.u[0, 3:, 0], np.ones(9))
+        assert data.u[0, 0, 0] == 0
+
+
+def test_times_of_tables_that_jitter():
+    late = pd.DataFrame({"time": T + 0.001 * (np.arange(12) % 3), "u": T, "y": T})
+    with pytest.raises(ValueError, match="move the times to even steps of 0.1 s"):
+        tokid.Ensemble.from_dataframe([late])
+    data = tokid.Ensemble.from_dataframe([late], dt=0.1)
+    assert data.dt == 0.1 and data.steps == 12
+
+
 def test_datasets():
     raw = xr.Dataset({"valve": ("time", np.arange(12.0)), "T": ("time", 20 + T)}, {"time": T})
     data = tokid.Ensemble.from_xarray({"a": raw, "b": raw.isel(time=slice(8))}, inputs=["valve"], outputs=["T"])

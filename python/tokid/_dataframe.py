@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Optional
 
 import numpy as np
@@ -27,6 +27,18 @@ def pandas() -> Any:
 def is_dataframe(data: Any) -> bool:
     loaded = sys.modules.get("pandas")
     return loaded is not None and isinstance(data, loaded.DataFrame)
+
+
+def notes_of(data: Any) -> dict[str, Any]:
+    """The values that `to_dataframe` stored beside a table; none for other data."""
+    notes = getattr(data, "attrs", {}).get(_NOTES)
+    return notes if isinstance(notes, dict) else {}
+
+
+def noted_names(notes: Mapping[str, Any], columns: Sequence[str], side: str) -> list[str]:
+    """The noted names of the inputs or outputs, if the table still has all these columns."""
+    noted = notes.get(f"{side}_names") or []
+    return list(noted) if all(label in columns for label in noted) else []
 
 
 # ---- columns ----
@@ -94,8 +106,7 @@ class _Table:
         self._table = table
         self.names = [str(label) for label in table.columns]
         self.rows = len(table)
-        notes = table.attrs.get(_NOTES)
-        self.notes: dict[str, Any] = notes if isinstance(notes, dict) else {}
+        self.notes = notes_of(table)
 
     def find(self, name: str) -> Optional[int]:
         count = self.names.count(name)
@@ -118,8 +129,7 @@ class _Table:
             raise ValueError(f"{name}s: {wanted!r} found, a list of columns needed")
         if wanted is not None and len(wanted):
             return self.named([str(label) for label in wanted])
-        noted = self.notes.get(f"{name}_names")
-        if noted and all(label in self.names for label in noted):  # columns may be renamed by now
+        if noted := noted_names(self.notes, self.names, name):
             return self.named(noted)
         others = {str(label) for label in taken}
         return self.named([n for n in self.names if n.startswith(prefix) and n not in _RESERVED and n not in others])
@@ -328,9 +338,10 @@ def from_dataframe(
     again = order[1:][np.diff(place[order]) == 0]
     if again.size:
         row = int(again.min())
+        name = experiments[row_experiment[row]]
+        of_experiment = "" if experiment is None else f" of experiment '{name}'"
         raise ValueError(
-            f"row {row}: a second row for step {grid.step[row]} of experiment '{experiments[row_experiment[row]]}' "
-            f"found, one needed{table.doubt(time, step)}"
+            f"row {row}: a second row for step {grid.step[row]}{of_experiment} found, one needed{table.doubt(time, step)}"
         )
 
     core = _tokid.Ensemble(len(experiments), grid.steps, len(u), len(y), grid.dt)
@@ -345,7 +356,7 @@ def from_dataframe(
     begin = round(grid.begin / grid.dt) if time is not None else 0
     describe(core, **{**_description(table, core, u, y, experiments if experiment is not None else None), **given})
     if "length" not in given:
-        _keep_lengths(core, notes.get("length"), experiments, begin)
+        keep_lengths(core, notes.get("length"), experiments, begin)
     core.check(outputs_required)
     return core
 
@@ -368,7 +379,7 @@ def _description(
     return found
 
 
-def _keep_lengths(core: _tokid.Ensemble, noted: Any, experiments: list[Any], begin: int) -> None:
+def keep_lengths(core: _tokid.Ensemble, noted: Any, experiments: list[Any], begin: int) -> None:
     """Use the lengths in the notes, unless the table now has samples beyond them."""
     if not isinstance(noted, dict) or any(label(name) not in noted for name in experiments):
         return

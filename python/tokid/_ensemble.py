@@ -158,11 +158,12 @@ class Ensemble(Channels):
         time: Optional[str] = None,
         missing: Sequence[str] = (),
         dates: Optional[str] = None,
+        dt: Optional[float] = None,
         trigger: Optional[str] = None,
         before: int = 0,
         resample: Optional[float] = None,
         resample_method: str = "linear",
-        longest_gap: int = 3,
+        longest_gap: Optional[int] = None,
     ) -> Self:
         """Read an ensemble from .npz, .h5, .mat or .csv, or from many .csv files with an experiment each.
 
@@ -182,6 +183,9 @@ class Ensemble(Channels):
             Words in a .csv that stand for a missing sample, besides Bad, ---, NaN, null and others.
         dates : {"day-first", "month-first"}, optional
             Order of the numbers in dates of a .csv such as 03/04/2026; by default as the dates of the column show.
+        dt : float, optional
+            Sample time [s] of a .csv, to whose steps times are moved by up to a tenth of a step. By default the file or
+            its times state it, and the times must be even.
         trigger : str, optional
             A condition such as ``"valve > 0.5"`` on a column of a .csv. The first sample at which it holds becomes
             step 0 of its experiment.
@@ -191,8 +195,9 @@ class Ensemble(Channels):
             Sample time [s] of a common grid on which the samples of a .csv are brought.
         resample_method : {"linear", "previous", "mean"}
             By interpolation, as the last sample, or as the mean of the samples within half a step.
-        longest_gap : int, default 3
-            Steps of the longest gap that resampling fills. Longer gaps are missing samples.
+        longest_gap : int, optional
+            Steps of the longest gap that resampling fills. Longer gaps are missing samples. By default 3, or no limit
+            for the method previous, because a channel that is logged at its changes holds its value.
 
         Raises
         ------
@@ -213,6 +218,7 @@ class Ensemble(Channels):
             time=time,
             missing=missing,
             dates=dates,
+            dt=dt,
             trigger=trigger,
             before=before,
             resample=resample,
@@ -433,10 +439,8 @@ class Ensemble(Channels):
         initial states. This method uses these values if they still agree with the rows and columns.
         """
         if recorded or _recordings.is_several(data):
-            if dt is not None:
-                raise ValueError("dt: a sample time found, but these tables have their own times; leave it out")
             options = _recordings.read_options(
-                inputs=inputs, outputs=outputs, outputs_required=outputs_required, **recorded
+                inputs=inputs, outputs=outputs, outputs_required=outputs_required, dt=dt, **recorded
             )
             return cls._with_warnings(
                 _recordings.load(
@@ -522,10 +526,8 @@ class Ensemble(Channels):
             If the dataset is wrong. The message names the variable or coordinate.
         """
         if recorded or inputs or outputs or _recordings.is_several(data):
-            if dt is not None:
-                raise ValueError("dt: a sample time found, but recorded variables have their own times; leave it out")
             options = _recordings.read_options(
-                inputs=inputs, outputs=outputs, outputs_required=outputs_required, **recorded
+                inputs=inputs, outputs=outputs, outputs_required=outputs_required, dt=dt, **recorded
             )
             return cls._with_warnings(
                 _recordings.load(

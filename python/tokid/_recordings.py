@@ -8,13 +8,17 @@ have one implementation, that of the library.
 from __future__ import annotations
 
 import os
+import re
 import sys
 import tempfile
 from collections.abc import Mapping, Sequence
 from typing import Any, Optional
 
+import numpy as np
+
 from . import _dataframe, _options, _tokid
-from ._samples import describe
+from ._channels import channel_texts
+from ._samples import describe, experiment_names
 
 METHODS = ("linear", "previous", "mean")
 
@@ -27,11 +31,12 @@ def read_options(
     time: Optional[str] = None,
     missing: Sequence[Any] = (),
     dates: Optional[str] = None,
+    dt: Optional[float] = None,
     trigger: Optional[str] = None,
     before: int = 0,
     resample: Optional[float] = None,
     resample_method: str = "linear",
-    longest_gap: int = 3,
+    longest_gap: Optional[int] = None,
 ) -> _tokid.ReadOptions:
     """The options of the reader of files. See `Ensemble.load`."""
     for name, words in (("inputs", inputs), ("outputs", outputs), ("missing", missing)):
@@ -48,11 +53,12 @@ def read_options(
     options.time = time or ""
     options.missing = [str(word) for word in missing]
     options.dates = dates or ""
+    options.dt = None if dt is None else _options.real("dt", dt, 0.0)
     options.trigger = trigger or ""
     options.before = _options.integer("before", before, 0)
     options.resample = None if resample is None else _options.real("resample", resample, 0.0)
     options.resample_method = resample_method
-    options.longest_gap = _options.integer("longest_gap", longest_gap, 1)
+    options.longest_gap = None if longest_gap is None else _options.integer("longest_gap", longest_gap, 1)
     return options
 
 
@@ -88,44 +94,129 @@ def _written(table: Any, path: str) -> None:
     columns = {}
     for column in range(table.shape[1]):
         series = table.iloc[:, column]
-        if getattr(series.dtype, "kind", "O") == "m":
+        kind = getattr(series.dtype, "kind", "O")
+        if kind == "m":
             series = series.dt.total_seconds()
+        elif kind in "bO":
+            series = series.map(lambda value: int(value) if isinstance(value, (bool, np.bool_)) else value)
         columns[column] = series
     text = _dataframe.pandas().DataFrame(columns)
     text.columns = [str(name) for name in table.columns]
     text.to_csv(path, index=False)
 
 
+# The name of a file of a table, without its extension. No column or text of a table has it.
+_FILE = re.compile(r"tokid_recorded_table_(\d+)(\.csv)?")
+
+
 def load(data: Any, options: _tokid.ReadOptions, **described: Any) -> _tokid.Ensemble:
     """The ensemble of one table, or of a dict or list of them, by the rules of .csv files.
 
-    The keys of a dict name the experiments. `described` has arguments of `describe`.
+    The keys of a dict name the experiments. The notes of `to_dataframe` are used as far as they agree with the tables.
+    `described` has arguments of `describe`.
     """
     several = is_several(data)
     parts = data if isinstance(data, Mapping) and several else dict(enumerate(data if several else [data]))
+    labels = [str(label) for label in parts]
+    tables = [_table(part) for part in parts.values()]
+    notes = [_dataframe.notes_of(part) for part in parts.values()]
+    options.inputs = options.inputs or _noted_names(tables, notes, "input")
+    options.outputs = options.outputs or _noted_names(tables, notes, "output")
     with tempfile.TemporaryDirectory(prefix="tokid-") as folder:
-        paths, labels = [], {}
-        for number, (label, part) in enumerate(parts.items()):
-            name = f"table{number}"
-            labels[name] = str(label)
-            paths.append(os.path.join(folder, f"{name}.csv"))
-            _written(_table(part), paths[-1])
+        paths = [os.path.join(folder, f"tokid_recorded_table_{number}.csv") for number in range(len(tables))]
+        for table, path in zip(tables, paths):
+            _written(table, path)
         try:
             core = _tokid.load_ensemble(paths, options)
         except _tokid.IoError as error:
             raise ValueError(_in_memory(str(error), folder, labels)) from None
-    if several and core.experiment_names:
-        core.experiment_names = [labels.get(name, name) for name in core.experiment_names]
+    if isinstance(data, Mapping) and several and len(parts) == 1:  # the reader names the experiments of several files
+        names = core.experiment_names
+        core.experiment_names = [f"{labels[0]}/{name}" for name in names] if core.experiments > 1 else labels
+    else:
+        core.experiment_names = [_in_memory(name, folder, labels) for name in core.experiment_names]
     core.reader_remarks = [_in_memory(text, folder, labels) for text in core.reader_remarks]
+    _keep_notes(core, tables, notes, labels if len(parts) > 1 or isinstance(data, Mapping) and several else None, options)
     given = {name: value for name, value in described.items() if value is not None}
     if given:
         describe(core, **given)
     return core
 
 
-def _in_memory(text: str, folder: str, labels: Mapping[str, str]) -> str:
-    """A message about the files, as one about the tables."""
-    text = text.replace(folder + os.sep, "")
-    for name in sorted(labels, key=len, reverse=True):
-        text = text.replace(f"{name}.csv", f"table {labels[name]}")
-    return text
+def _in_memory(text: str, folder: str, labels: Sequence[str]) -> str:
+    """A text about the files, as one about the tables."""
+
+    def name(found: re.Match[str]) -> str:
+        label = labels[int(found[1])]
+        return f"table {label}" if found[2] else label
+
+    return _FILE.sub(name, text.replace(folder + os.sep, ""))
+
+
+# ---- notes beside tables ----
+
+
+def _noted_names(tables: Sequence[Any], notes: Sequence[Mapping[str, Any]], side: str) -> list[str]:
+    """The noted names of the inputs or outputs of the first table, if all tables have these columns."""
+    columns = [[str(name) for name in table.columns] for table in tables]
+    found = [_dataframe.noted_names(notes[0], own, side) for own in columns]
+    return found[0] if all(found) else []
+
+
+def _keep_notes(
+    core: _tokid.Ensemble,
+    tables: Sequence[Any],
+    notes: Sequence[Mapping[str, Any]],
+    labels: Optional[Sequence[str]],
+    options: _tokid.ReadOptions,
+) -> None:
+    """Use the notes beside the tables, where they still hold. `labels`: of several tables."""
+    state = _common("initial_state", notes)
+    if state is not None and not options.trigger:
+        describe(core, initial_state=state)
+    dt = _common("dt", notes)
+    if dt is not None and not core.dt_stated:
+        core.dt, core.dt_stated = float(dt), True
+    units = {name: unit for own in notes for name, unit in (own.get("units") or {}).items()}
+    for side in ("input", "output"):
+        names = channel_texts(core, f"{side}_names")
+        if not getattr(core, f"{side}_units") and any(name in units for name in names):
+            setattr(core, f"{side}_units", [units.get(name, "") for name in names])
+    if not options.trigger and options.resample is None:
+        _keep_noted_lengths(core, tables, notes, labels)
+
+
+def _common(key: str, notes: Sequence[Mapping[str, Any]]) -> Any:
+    """The value that the notes agree on; None without any."""
+    values = list(dict.fromkeys(own[key] for own in notes if own.get(key) is not None))
+    if len(values) > 1:
+        raise ValueError(f"{key}: {values[0]!r} and {values[1]!r} found in the notes of the tables, one value needed")
+    return values[0] if values else None
+
+
+def _keep_noted_lengths(
+    core: _tokid.Ensemble,
+    tables: Sequence[Any],
+    notes: Sequence[Mapping[str, Any]],
+    labels: Optional[Sequence[str]],
+) -> None:
+    names = experiment_names(core)
+    begins = [_first_step(table, core.dt) for table in tables]
+    if not any(own.get("length") for own in notes) or (labels is not None and any(begins)):
+        return
+    found = dict(zip(names, list(core.length) or [core.steps] * core.experiments))
+    lengths = dict(found)
+    for number, own in enumerate(notes):
+        for name, length in (own.get("length") or {}).items():
+            alone = labels is not None and labels[number] in lengths
+            lengths[name if labels is None else labels[number] if alone else f"{labels[number]}/{name}"] = length
+    if lengths != found:
+        _dataframe.keep_lengths(core, lengths, names, begins[0] if labels is None else 0)
+
+
+def _first_step(table: Any, dt: float) -> int:
+    """The number of the first step in a table of `to_dataframe`."""
+    for name, unit in (("time", dt), ("k", 1.0)):
+        if name in table.columns and getattr(table[name].dtype, "kind", "O") in "fiu":
+            return round(float(table[name].min()) / unit)
+    return 0

@@ -163,6 +163,29 @@ def test_messages_can_be_searched():
     assert searched > 150
 
 
+def test_remarks_of_the_reader_can_be_searched():
+    """So are the words of the remarks of the reader of .csv."""
+    page = " ".join((DOCS / "troubleshooting.md").read_text().replace("`", "").split())
+    searched = 0
+    for name in ("csv", "csv_table", "table_start", "table_numbers", "records", "time_stamp", "files"):
+        source = re.sub(r"//.*", "", (ROOT / f"src/io/formats/{name}.cpp").read_text())
+        source = re.sub(r'"\s*"', "", source)
+        functions = re.split(r"\n(?=\S)", source)
+        for function in functions:
+            of_remarks = re.match(r"[^(]*\b(?:remarks?_on_|effect_on_noise|keep_once)", function)
+            for statement in re.split(r";\n", function):
+                if "throw" in statement or re.search(r"\bfail\(", statement):
+                    continue
+                if not of_remarks and not re.search(r"remark", statement):
+                    continue
+                for literal in re.findall(r'"((?:[^"\\]|\\.)*)"', statement):
+                    for words in re.split(r"\{[^}]*\}", literal):
+                        if len(words.split()) >= 4:
+                            assert words.strip(" ,.:;()") in page, literal
+                            searched += 1
+    assert searched > 30
+
+
 def test_equations_have_their_place():
     """The code cites no equation that the table lacks, and the table no place that does not cite it."""
     table = (DOCS / "math.md").read_text().split("## Where each equation is")[1].split("\n## ")[0]

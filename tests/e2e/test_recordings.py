@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """.csv files as people have them: many files, dialects, time stamps, missing samples, triggers, resampling."""
 
+import re
 import subprocess
 import sys
 
@@ -70,6 +71,23 @@ def test_files_folders_and_patterns_are_the_same_data(tokid, plant, tmp_path):
             np.testing.assert_array_equal(values, other[name])
 
 
+def test_convert_never_replaces_a_recording(tokid, tmp_path):
+    folder = tmp_path / "runs"
+    folder.mkdir()
+    texts = {}
+    for name in ("a", "b", "c"):
+        texts[name] = f"t [s],u,y\n0,{ord(name)},2\n1,2,3\n"
+        write(folder / f"{name}.csv", texts[name])
+    files = sorted(folder.iterdir())
+    # OUT was forgotten: the shell put the last recording there.
+    for names in (files, files[:2]):
+        assert "may be a recording, so it was not replaced" in tokid("convert", *names, status=2).stderr
+    for paths in ([folder], [folder / "*.csv"], [files[0], folder / "[bc].csv"]):
+        message = tokid("convert", *paths, folder / "b.csv", status=2).stderr
+        assert "another file of this command has this name, and writing would replace it" in message
+    assert {path.stem: path.read_text() for path in folder.iterdir()} == texts
+
+
 DIALECTS = {
     "semicolons and decimal commas": rows(lambda k, u, y: f"{0.1 * k:.1f};{u};{y}".replace(".", ","), ","),
     "tabs": rows(lambda k, u, y: f"{0.1 * k:.1f}\t{u}\t{y}"),
@@ -89,6 +107,28 @@ def test_dialects(tokid, tmp_path, dialect, encoding):
     assert data["dt"] == 0.1
     assert list(data["input_units"]) == ["V"] and list(data["output_units"]) == ["\u00b0C"]
     assert ("Latin-1" in warnings) == (encoding == "latin-1")
+
+
+def test_marks_of_thousands_are_not_decimal_marks(tokid, tmp_path):
+    thousands = 't [s],u,y\n0,999,"1,000"\n1,998,"1,001"\n'
+    message = tokid("info", write(tmp_path / "data.csv", thousands), status=2).stderr
+    assert "line 2: '1,000' found; its comma and those of all numbers may group thousands" in message
+    for mark in ".,":
+        rising = "t [s];u;y\n" + "".join(f"{k};1;{y}\n" for k, y in enumerate(["998", "999", f"1{mark}000"]))
+        message = tokid("info", write(tmp_path / "data.csv", rising), status=2).stderr
+        assert f"line 4: '1{mark}000' found; this mark and those of all numbers seem to group thousands" in message
+        assert "because column 'y' has whole numbers below 1000 without one" in message
+    for text, remark in [
+        ("t [s];u;y\n0;999;1.000\n1;998;1.001\n", "points in numbers were read as decimal points: 1.000 is 1; write"),
+        ("t [s];u;y\n0;999;1,000\n1;998;1,001\n", "commas in numbers were read as decimal commas: 1,000 is 1; write"),
+        ("t [s];u;y\n0;9;1,5\n1;9;1,001\n", "commas in numbers were read as decimal commas: 1,5 is 1.5"),
+        ('t [s],u,y\n"0,5",9,"1,001"\n"1,5",9,"1,002"\n', "commas in numbers were read as decimal commas: 1,5 is 1.5"),
+        ('t [s],u,y\n0,9,"1,001"\n1,9,"0,125"\n', "commas in numbers were read as decimal commas: 1,5 is 1.5"),
+    ]:
+        data, warnings = read(tokid, tmp_path, write(tmp_path / "data.csv", text))
+        assert remark in warnings and 1.001 in data["y"]
+    for text in ("t [s];u;y\n0;9;1.5\n1;9;1.001\n", "t [s],u,y\n0,9,1.000\n1,9,1.001\n"):
+        assert "decimal" not in read(tokid, tmp_path, write(tmp_path / "data.csv", text))[1]
 
 
 TIMES = {
@@ -137,6 +177,77 @@ def test_dates_and_times_of_day_in_two_columns_over_midnight(tokid, tmp_path):
     assert data["dt"] == 3600 and data["y"].shape == (1, 10, 1)
 
 
+def times(stamps, title="time"):
+    return f"{title},u,y\n" + "".join(f"{stamp},{k},2\n" for k, stamp in enumerate(stamps))
+
+
+def test_times_of_day_of_several_days(tokid, tmp_path):
+    path = write(tmp_path / "data.csv", times(["17:00", "18:00", "19:00", "20:00", "21:00", "09:00"]))
+    data, warnings = read(tokid, tmp_path, path)
+    assert data["dt"] == 3600 and data["u"][0, -1, 0] == 5 and data["u"].shape[1] == 17
+    assert "line 7: '09:00' after '21:00' was read as the time of another day" in warnings
+    newest_first = [f"{h % 24:02d}:{m:02d}:00" for h in (25, 24, 23) for m in (40, 20, 0)]
+    data, warnings = read(tokid, tmp_path, write(path, times(newest_first)))
+    np.testing.assert_array_equal(data["u"][0, :, 0], range(8, -1, -1))
+    assert "the times of day pass midnight" in warnings
+    message = tokid("info", write(path, times([f"{h}:{m}" for h in (11, 12, 1) for m in (10, 30, 50)])), status=2).stderr
+    assert "line 8: '1:10' found after '12:50'; without AM and PM, this may be noon or midnight; dates" in message
+
+
+def test_times_that_can_mean_something_else(tokid, tmp_path):
+    path = write(tmp_path / "data.csv", times([1764246725123 + k for k in range(9)], "timestamp"))
+    message = tokid("info", path, status=2).stderr
+    assert "'1764246725123' found, which is more than 3000 years in s; the unit" in message
+    write(path, path.read_text().replace("timestamp", "timestamp [ms]"))
+    assert read(tokid, tmp_path, path)[0]["dt"] == 0.001
+    short = [f"{s // 60:02d}:{s % 60:02d}" for s in range(0, 700, 10)]
+    data, warnings = read(tokid, tmp_path, write(path, times(short, "Time [mm:ss]")))
+    assert data["dt"] == 10 and "minutes" not in warnings
+    data, warnings = read(tokid, tmp_path, write(path, times(short, "Time")))
+    assert data["dt"] == 600
+    assert "column 'Time': times such as 05:10 were read as hours and minutes; for minutes and seconds" in warnings
+    assert "minutes" not in read(tokid, tmp_path, write(path, times(short, "Time [hh:mm]")))[1]
+    message = tokid("info", write(path, times(["2026-11-27 13:00:00", "2026-11-27 13:00:01Z"])), status=2).stderr
+    assert "line 3: '2026-11-27 13:00:01Z' found with a time zone, but '2026-11-27 13:00:00' in line 2 without" in message
+
+
+def test_clocks_of_experiments(tokid, tmp_path):
+    folder = tmp_path / "runs"
+    folder.mkdir()
+
+    def runs(**begins):
+        for name, begin in begins.items():
+            write(folder / f"{name}.csv", times(begin + np.arange(20)))
+        return read(tokid, tmp_path, folder)
+
+    data, warnings = runs(a=0, b=5)
+    assert "read as those of one clock: the experiments begin up to 5 s apart" in warnings
+    assert np.isnan(data["u"][1, :5, 0]).all()
+    data, warnings = runs(a=0, b=19)  # one common sample
+    np.testing.assert_array_equal(data["u"][:, 0, 0], [0, 0])
+    assert "less than half of the shortest one in common, so each one begins at its first row" in warnings
+    _, warnings = runs(a=0, b=30)
+    assert "have no time in common, so each one begins at its first row" in warnings
+    assert runs(a=7, b=7)[1] == ""
+    # Time stamps count from the first row of each file.
+    for name, second in (("a", 0), ("b", 5)):
+        write(folder / f"{name}.csv", times([f"2026-11-27 13:00:{second + k:02d}" for k in range(20)]))
+    data, warnings = read(tokid, tmp_path, folder)
+    np.testing.assert_array_equal(data["u"][:, 0, 0], [0, 0])
+    assert "in all files, time stamps count from the first row of the file; --trigger aligns" in warnings
+
+
+def test_seconds_since_1970_keep_their_rounding(tokid, tmp_path):
+    folder = tmp_path / "runs"
+    folder.mkdir()
+    for name, begin in (("a", 1764246725), ("b", 1764250000)):
+        write(folder / f"{name}.csv", times([f"{begin + k // 1000}.{k % 1000:03d}" for k in range(300)]))
+    for options in ([], ["--trigger", "u > 20"]):
+        data, _ = read(tokid, tmp_path, folder, *options)
+        assert data["dt"] == 0.001
+        np.testing.assert_array_equal(data["u"][0], data["u"][1])
+
+
 def test_units_below_the_header_and_a_preamble(tokid, tmp_path):
     text = ("Batch;17\nOperator;M\u00fcller\n\nZeit;Ventil;Temperatur\ns;%;\u00b0C\n" +
             rows(lambda k, u, y: f"{k};{u};{y};", ","))
@@ -146,6 +257,41 @@ def test_units_below_the_header_and_a_preamble(tokid, tmp_path):
     assert list(data["output_units"]) == ["\u00b0C"] and data["dt"] == 1
     assert "lines 1 to 3 before the names of the columns in line 4 were skipped" in warnings
     assert "line 5 was read as the units of the columns" in warnings
+
+
+def test_headers_below_preambles(tokid, tmp_path):
+    path = tmp_path / "data.csv"
+    for text, options in [
+        ("1,2,3\n4,5,6\nt [s],u,y\n0,1,2\n1,2,3\n2,3,4\n", []),
+        ("Report\ntime,1,2\n0,1,2\n1,2,3\n2,3,4\n", ["--inputs", "1", "--outputs", "2"]),
+        ("setting,7\n" * 30 + "t [s],u,y\n0,1,2\n1,2,3\n2,3,4\n", []),
+        ("9,8,7\nt [s],p [bar],T [K]\n0,1,2\n1,2,3\n2,3,4\n", ["--inputs", "p", "--outputs", "T [K]"]),
+        ("9,8,7\nt,p,T\ns,bar,K\n0,1,2\n1,2,3\n2,3,4\n", ["--inputs", "p", "--outputs", "T"]),
+    ]:
+        data, warnings = read(tokid, tmp_path, write(path, text), *options)
+        np.testing.assert_array_equal(data["y"][0, :, 0], [2, 3, 4])
+        assert "before the names of the columns in line" in warnings
+    message = tokid("info", write(path, "a,b\nspeed,force\n1,2\n3,4\n5,6\n"), status=2).stderr
+    assert "found among 'speed', 'force'" in message and "line 2 was taken for the header" in message
+
+
+def test_stated_missing_words_and_times(tokid, tmp_path):
+    data, _ = read(tokid, tmp_path, write(tmp_path / "data.csv", "t [s],u,y\n0,0,2\n1,2,0\n2,3,4\n"), "--missing", "0")
+    np.testing.assert_array_equal(data["u"][0, :, 0], [np.nan, 2, 3])
+
+
+def test_switches_blank_lines_and_dates(tokid, tmp_path):
+    path = tmp_path / "data.csv"
+    data, warnings = read(tokid, tmp_path, write(path, "t [s],u,y\n0,ON,True\n1,off,false\n"))
+    np.testing.assert_array_equal([data["u"][0, :, 0], data["y"][0, :, 0]], [[1, 0], [1, 0]])
+    assert "cells with on and true were read as 1, those with off and false as 0" in warnings
+    data, warnings = read(tokid, tmp_path, write(path, "u\n1\n\n3\n4\n\n"))
+    np.testing.assert_array_equal(data["u"][0, :, 0], [1, np.nan, 3, 4])
+    assert "1 blank line of the only column was read as missing samples" in warnings
+    data, _ = read(tokid, tmp_path, write(path, "date,k,u,y\n2026-11-27,0,1,2\n2026-11-27,1,2,3\n"))
+    np.testing.assert_array_equal(data["u"][0, :, 0], [1, 2])
+    message = tokid("info", write(path, "k,u,y\n0,1,2\n0,2,3\n"), status=2).stderr
+    assert "line 3: a second row for step 0 found, one needed" in message
 
 
 def test_words_for_missing_samples(tokid, tmp_path):
@@ -235,6 +381,29 @@ def test_trigger(tokid, tmp_path):
     np.testing.assert_array_equal(data["u"][1, :9, 0], range(-4, 5))
 
 
+def test_trigger_that_holds_at_the_first_row(tokid, tmp_path):
+    folder = tmp_path / "runs"
+    folder.mkdir()
+    for run, valve in {"a": [0, 0, 1, 1, 1, 0], "b": [1, 1, 0, 1, 1, 0], "c": [1, 1, 1, 0, 0, 0],
+                       "d": ["", "Bad", 1, 1, 1, 0]}.items():
+        write(folder / f"{run}.csv", "t [s],u,y,valve\n" + "".join(f"{k},{k},2,{v}\n" for k, v in enumerate(valve)))
+    data, warnings = read(tokid, tmp_path, folder, "--trigger", "valve > 0.5")
+    np.testing.assert_array_equal(data["u"][:, 0, 0], [2, 3, 0, 2])
+    assert "it already holds at the first row of experiment 'b'; step 0 is where it begins to hold again" in warnings
+    assert "it already holds at the first row of experiments 'c', 'd', so the event may be earlier" in warnings
+
+
+def test_missing_words_fulfil_no_trigger(tokid, tmp_path):
+    phases = ["Bad", "idle", "I/O Timeout", "out", "heat", "heat"]
+    text = "t [s],u,y,phase\n" + "".join(f"{k},{k},2,{phase}\n" for k, phase in enumerate(phases))
+    path = write(tmp_path / "data.csv", text)
+    data, warnings = read(tokid, tmp_path, path, "--trigger", "phase != idle", "--missing", "out")
+    assert data["u"][0, 0, 0] == 4
+    assert "2 cells with 'Bad', 'I/O Timeout' were read as missing samples" in warnings
+    data, _ = read(tokid, tmp_path, path, "--trigger", "phase == 'I/O Timeout'")
+    assert data["u"][0, 0, 0] == 2
+
+
 def test_resampling(tokid, tmp_path):
     rng = np.random.default_rng(5)
     t = np.arange(0, 10.01, 0.05) + np.append(0, rng.uniform(-0.02, 0.02, 200))
@@ -254,6 +423,46 @@ def test_resampling(tokid, tmp_path):
     assert "of the standard deviation of the noise" in warnings
     data, _ = read(tokid, tmp_path, path, "--resample", "0.5", "--resample-method", "previous")
     np.testing.assert_array_equal(data["u"][0, 2, 0], 2 * t[t <= 1.0][-1])
+
+
+def test_channels_that_are_logged_at_their_changes(tokid, tmp_path):
+    # The set point u is logged at 0 s and at 50 s, y each second; the set point is valid up to the end.
+    rows = [(k, {0: "5", 50: "7"}.get(k, ""), "" if k == 3 else str(k)) for k in range(101)]
+    text = "t [s],u,y\n" + "".join(f"{k},{u},{y}\n" for k, u, y in rows)
+    path = write(tmp_path / "data.csv", text)
+    data, warnings = read(tokid, tmp_path, path, "--resample", "1", "--resample-method", "previous")
+    np.testing.assert_array_equal(data["u"][0, :, 0], [5] * 50 + [7] * 51)
+    assert data["y"][0, 3, 0] == 2 and "samples are up to 50 s old" in warnings and "missing" not in warnings
+    data, warnings = read(tokid, tmp_path, path, "--resample", "1", "--resample-method", "previous",
+                          "--longest-gap", "4")
+    np.testing.assert_array_equal(np.flatnonzero(~np.isnan(data["u"][0, :, 0])), [0, *range(50, 55)])
+    assert "95 samples stay missing, because the gap there is longer than 4 s" in warnings
+    late = write(tmp_path / "late.csv", text.replace("\n0,5,", "\n0,,"))
+    _, warnings = read(tokid, tmp_path, late, "--resample", "1", "--resample-method", "previous")
+    assert "50 samples stay missing before the first or after the last sample of the channel" in warnings
+    assert "because the gap" not in warnings
+
+
+def test_times_that_jitter_are_moved(tokid, tmp_path):
+    rng = np.random.default_rng(3)
+    t = np.arange(300) + rng.uniform(-1e-3, 1e-3, 300)
+    text = "t [s],u,y\n" + "".join(f"{v:.6f},{k},2\n" for k, v in enumerate(t))
+    path = write(tmp_path / "data.csv", text)
+    refused = tokid("info", path, status=2).stderr
+    assert "move the times to even steps of 1 s (option dt), resample to even times" in refused
+    assert "# dt" not in refused  # this would not help
+    data, warnings = read(tokid, tmp_path, path, "--dt", "1")
+    assert data["dt"] == 1
+    np.testing.assert_array_equal(data["u"][0, :, 0], range(300))
+    assert "times were moved by up to 0.000999 s to even steps of 1 s (option dt)" in warnings
+    write(path, text + "300.2,300,2\n")
+    message = tokid("info", path, "--dt", "1", status=2).stderr
+    assert "line 302, column 't [s]': 300.2 found, which lies more than a tenth of a step beside" in message
+    assert "'dt = 0.5' found, but all rows" in tokid("info", write(path, text), "--dt", "0.5", status=2).stderr
+    message = tokid("info", path, "--dt", "1", "--resample", "1", status=2).stderr
+    assert "dt: a sample time found together with resample" in message
+    rows = write(tmp_path / "rows.csv", "u,y\n1,2\n2,3\n")
+    assert read(tokid, tmp_path, rows, "--dt", "0.25")[0]["dt"] == 0.25
 
 
 def test_wide_tables(tokid, tmp_path):
@@ -297,6 +506,51 @@ def test_options_of_ensembles_are_refused_for_other_files(tokid, oscillator, tmp
             assert f"{found} found, an ensemble needed with the options {' '.join(options)}" in message
         assert not page.exists()
         tokid("info", path)
+
+
+def test_the_first_missing_word_is_named(tokid, tmp_path):
+    path = write(tmp_path / "data.csv", "t [s],u,y\n0,Fault,2\n1,Bad,2\n2,1,2\n")
+    assert "2 cells with 'Bad', 'Fault' were read as missing samples; the first one is at line 2" in read(
+        tokid, tmp_path, path)[1]
+
+
+def test_ends_without_a_line_break_are_one_warning(tokid, tmp_path):
+    folder = tmp_path / "runs"
+    folder.mkdir()
+    for n in range(4):
+        write(folder / f"{n}.csv", f"t [s],u,y\n0,1,2\n1,2,{n}")
+    warnings = read(tokid, tmp_path, folder)[1]
+    assert warnings.count("line break") == 3 and warnings.count("warning: ") == 1
+    assert "'0.csv': line 3, the last one, ends without" in warnings
+    assert "; 3 more files end without a line break, too" in warnings
+
+
+def test_one_file_by_two_names_and_subfolders(tokid, tmp_path):
+    folder = tmp_path / "runs"
+    (folder / "more").mkdir(parents=True)
+    for path in (folder / "a.csv", folder / "more" / "b.csv"):
+        write(path, "t [s],u,y\n0,1,2\n1,2,3\n")
+    (folder / "c.csv").symlink_to(folder / "a.csv")
+    data, warnings = read(tokid, tmp_path, folder)
+    assert data["u"].shape[0] == 1
+    assert f"'{folder / 'a.csv'}' and '{folder / 'c.csv'}' are the same file, which was read once" in warnings
+    assert f"the folder '{folder}' has .csv files in the subfolder 'more', which were not read" in warnings
+
+
+def test_pictures_of_lone_samples_and_equal_experiments(tokid, tmp_path):
+    folder = tmp_path / "runs"
+    folder.mkdir()
+    for n in range(6):
+        cells = [f"{k},{k},{'' if k in (1, 3, 4) else 7 + (n == 5)}" for k in range(5)]
+        write(folder / f"e{n}.csv", "t [s],u with a rather long name,y\n" + "\n".join(cells) + "\n")
+    page = tmp_path / "picture.html"
+    result = tokid("info", folder, "--picture", page, env={"LC_ALL": "C"})
+    assert "u with a rather l..." in result.stdout and "\u2026" not in result.stdout
+    assert 'experiment "e5" (row 5): y differs where the others are equal' in result.stdout
+    text = page.read_text(encoding="utf-8")
+    assert re.search(r'class="mean" d="M0\.0 [\d.]+h0M', text)  # the lone sample of step 0 is a point
+    gaps = re.findall(r'class="gap" x="([\d.]+)" y="\d+" width="([\d.]+)"', text)
+    assert len(gaps) == 3 and all(float(x) + float(width) <= 900 for x, width in gaps)
 
 
 def test_odd_experiments_are_named(tokid, plant, tmp_path):

@@ -75,6 +75,22 @@ std::optional<double> number_from(std::string_view text, char decimal_mark) {
   return error == std::errc() && end == text.data() + text.size() ? std::optional(value) : std::nullopt;
 }
 
+bool may_be_thousands(std::string_view number) {
+  if (number.starts_with('+') || number.starts_with('-')) number.remove_prefix(1);
+  const size_t mark = number.find_first_of(".,");
+  if (mark == std::string_view::npos || mark < 1 || mark > 3 || number.front() == '0') return false;
+  const std::string_view digits = "0123456789", behind = number.substr(mark + 1);
+  return behind.size() == 3 && number.substr(0, mark).find_first_not_of(digits) == std::string_view::npos &&
+         behind.find_first_not_of(digits) == std::string_view::npos;
+}
+
+std::optional<double> switch_state(std::string_view text) {
+  if (text.size() > 5) return std::nullopt;
+  const std::string lower = in_lower_case(std::string(text));
+  if (lower == "on" || lower == "true") return 1.0;
+  return lower == "off" || lower == "false" ? std::optional(0.0) : std::nullopt;
+}
+
 bool is_missing(std::string_view text) { return text.empty() || text == "NA"; }
 
 bool is_word_for_missing(std::string_view text) {
@@ -96,7 +112,7 @@ bool is_word_for_missing(std::string_view text) {
 
 bool is_value(std::string_view text) {
   return number_from(text, '.') || number_from(text, ',') || is_missing(text) || is_word_for_missing(text) ||
-         stamp_from(text);
+         switch_state(text) || stamp_from(text);
 }
 
 bool is_unit(std::string_view text) {

@@ -15,6 +15,12 @@ std::string_view stripped(std::string_view text);  // without spaces and tabs at
 // Reads the whole text as a number with the given decimal mark, '.' or ','. "NaN" is a number, too.
 std::optional<double> number_from(std::string_view text, char decimal_mark);
 
+// Can the one mark in this number, a point or a comma, group thousands: "1,000", "-25.125"?
+bool may_be_thousands(std::string_view number);
+
+// The state of a switch: 1 for "on" and "true", 0 for "off" and "false", in any letters; empty for another text.
+std::optional<double> switch_state(std::string_view text);
+
 // Does this text stand for a missing sample in tables of any program? These are an empty cell, "NaN" and "NA".
 bool is_missing(std::string_view text);
 // Is this a word that probably stands for a missing sample, such as "Bad", "---", "null", "#N/A" or "I/O Timeout"?

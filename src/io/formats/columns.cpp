@@ -64,9 +64,8 @@ std::vector<size_t> other_columns(const Header& header, const Chosen& chosen, co
 
 [[noreturn]] void fail_several(const Header& header, const std::vector<size_t>& columns, const char* what,
                                const char* name) {
-  Names titles;
-  for (const size_t c : columns) titles.push_back(header[c].title);
-  fail("header: {} found, one column of {} needed; give this column the name '{}'", quoted(titles), what, name);
+  fail("header: {} found, one column of {} needed; give this column the name '{}'", quoted(titles_of(header, columns)),
+       what, name);
 }
 
 std::optional<size_t> only_one(const Header& header, const std::vector<size_t>& columns, const char* what,
@@ -89,7 +88,7 @@ TimeUnit stated_unit(const Column& column) {
 }
 
 // Finds the column that states the steps of the rows. In order of preference: "time", another name for times, time
-// stamps, "k", another name for step numbers.
+// stamps, "k", another name for step numbers, dates alone.
 void find_steps(const Header& header, const std::string& stated, const Channels& noted, Chosen& chosen) {
   const std::vector<size_t> others = other_columns(header, chosen, noted);
   std::vector<size_t> named, stamped, dates, clocks, numbered;
@@ -111,11 +110,12 @@ void find_steps(const Header& header, const std::string& stated, const Channels&
   if (!chosen.time) chosen.time = only_one(header, named, "times", "time");
   if (!chosen.time) chosen.time = only_one(header, stamped, "times", "time");
   if (!chosen.time) chosen.time = only_one(header, clocks, "times", "time");
-  if (!chosen.time) chosen.time = only_one(header, dates, "times", "time");
+  if (!chosen.time && !chosen.step && numbered.empty()) chosen.time = only_one(header, dates, "times", "time");
   if (chosen.time) {
     const Column& column = header[*chosen.time];
     chosen.stamped = column.content != Content::other;
     if (column.content == Content::clock && dates.size() == 1) chosen.date = dates.front();
+    chosen.of_minutes = column.content == Content::clock && is_minutes_and_seconds(column.label.unit);
     if (!chosen.stamped) chosen.unit = stated.empty() ? unit_of(column).value_or(TimeUnit{}) : stated_unit(column);
     return;
   }
@@ -136,12 +136,6 @@ void add_units(const Names& names, const Names& units, const char* key, std::map
   for (size_t i = 0; i < names.size(); ++i) to[names[i]] = units[i];
 }
 
-Names titles_of(const Header& header, const std::vector<size_t>& columns) {
-  Names titles;
-  for (const size_t c : columns) titles.push_back(header[c].title);
-  return titles;
-}
-
 bool is_noted(const Channels& noted) {
   return !noted.input_names.empty() || !noted.output_names.empty() || !noted.input_units.empty() ||
          !noted.output_units.empty();
@@ -159,7 +153,9 @@ Names Header::titles() const {
   return titles;
 }
 
-Header::Header(std::vector<Column> columns) : columns_(std::move(columns)) {
+std::string Header::place() const { return fmt::format("; line {} was taken for the header", line_); }
+
+Header::Header(std::vector<Column> columns, Index line) : columns_(std::move(columns)), line_(line) {
   for (size_t c = 0; c < columns_.size(); ++c) {
     by_title_[canonical(columns_[c].title)].push_back(c);
     by_name_[columns_[c].label.name].push_back(c);
@@ -186,8 +182,14 @@ std::optional<size_t> Header::find(const std::string& name) const {
 
 size_t Header::need(const std::string& name) const {
   const auto column = find(name);
-  if (!column) fail("no column '{}' found among {}", name, quoted(titles()));
+  if (!column) fail("no column '{}' found among {}{}", name, quoted(titles()), place());
   return *column;
+}
+
+Names titles_of(const Header& header, const std::vector<size_t>& columns) {
+  Names titles;
+  for (const size_t c : columns) titles.push_back(header[c].title);
+  return titles;
 }
 
 Chosen chosen_columns(const Header& header, const Wanted& wanted) {
@@ -204,9 +206,11 @@ Chosen chosen_columns(const Header& header, const Wanted& wanted) {
       fail("column '{}' is listed both as an input and as an output. List it only once", header[c].title);
   constexpr auto how = "state which columns are channels: --inputs 'A,B' --outputs 'C,D'";
   if (chosen.inputs.empty())
-    fail("no column whose name begins with u found among {}; name the inputs; {}", quoted(header.titles()), how);
+    fail("no column whose name begins with u found among {}; name the inputs; {}{}", quoted(header.titles()), how,
+         header.place());
   if (chosen.outputs.empty() && wanted.outputs_required)
-    fail("no column whose name begins with y found among {}; name the outputs; {}", quoted(header.titles()), how);
+    fail("no column whose name begins with y found among {}; name the outputs; {}{}", quoted(header.titles()), how,
+         header.place());
   find_steps(header, wanted.time, wanted.noted, chosen);
   return chosen;
 }

@@ -28,11 +28,12 @@ struct Column {
 // The columns by their titles and names.
 class Header {
  public:
-  explicit Header(std::vector<Column> columns);
+  Header(std::vector<Column> columns, Index line);
 
   const std::vector<Column>& columns() const { return columns_; }
   const Column& operator[](size_t c) const { return columns_[c]; }
   Names titles() const;
+  std::string place() const;  // for the end of messages: the line that was taken for the header
   // The column with this title, or else with this name without a unit. "Experiment" and "time" may have capital
   // letters. \throws IoError for several such columns, and for a name with another unit
   std::optional<size_t> find(const std::string& name) const;
@@ -43,14 +44,18 @@ class Header {
   static std::optional<size_t> only(const Places& places, const std::string& key, const std::string& name);
 
   std::vector<Column> columns_;
+  Index line_;
   Places by_title_, by_name_;
 };
+
+Names titles_of(const Header& header, const std::vector<size_t>& columns);
 
 struct Chosen {
   std::vector<size_t> inputs, outputs;
   std::optional<size_t> experiment, time, step;
   std::optional<size_t> date;  // its dates and the times of day of `time` are the times
   bool stamped = false;        // times are time stamps
+  bool of_minutes = false;     // the unit of these stamps is mm:ss
   TimeUnit unit;               // of the times
 };
 

@@ -60,6 +60,20 @@ bool io::stands_for_files(const fs::path& path) {
   return fs::is_directory(status) || (!fs::exists(status) && path.string().find_first_of("*?[") != std::string::npos);
 }
 
+io::Names io::subfolders_with_csv(const fs::path& folder) {
+  Names found;
+  std::error_code error;
+  if (!fs::is_directory(folder, error)) return found;
+  for (const auto& entry : fs::directory_iterator(folder, error)) {
+    if (!entry.is_directory(error) || is_hidden(entry.path())) continue;
+    const fs::directory_iterator files(entry.path(), error);
+    if (std::any_of(begin(files), end(files), [](const auto& file) { return is_csv(file.path()); }))
+      found.push_back(entry.path().filename().string());
+  }
+  std::sort(found.begin(), found.end(), is_before);
+  return found;
+}
+
 bool io::is_before(const std::string& a, const std::string& b) {
   std::string_view left = a, right = b;
   while (!left.empty() && !right.empty()) {

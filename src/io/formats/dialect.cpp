@@ -14,10 +14,18 @@ struct Candidate {
   char separator = ',';
   std::vector<size_t> at;    // positions of the lines that are not blank
   std::vector<Cells> cells;  // of these lines
-  size_t columns = 0;        // the most frequent number of cells in the second half of the lines
-  std::vector<bool> values;  // columns whose cells in the second half mostly are values
-  double share = 0.0;        // of the cells in the second half, those that are values
+  size_t columns = 0;        // the most frequent number of cells in the lines of samples
+  std::vector<bool> values;  // columns whose cells there mostly are values
+  double share = 0.0;        // of the cells there, those that are values
 };
+
+// Lines that probably are of samples: the second half, or the last lines of equal width if fewer are equally wide.
+size_t samples_begin(const std::vector<Cells>& cells) {
+  size_t begin = cells.size();
+  while (begin > 0 && cells[begin - 1].size() == cells.back().size()) --begin;
+  const size_t half = cells.size() / 2;
+  return begin + 2 <= cells.size() ? std::max(half, begin) : half;
+}
 
 // The text from line i on until all quotation marks are closed, because a quoted cell may span several lines. Sets i to
 // the last of these lines. A mark that is not closed soon is misplaced.
@@ -32,7 +40,7 @@ std::string whole_row(const std::deque<TableText::Line>& lines, size_t& i) {
   return marks(text) % 2 == 0 ? text : lines[i].text;
 }
 
-Candidate candidate(const std::deque<TableText::Line>& lines, char separator) {
+Candidate candidate(const std::deque<TableText::Line>& lines, char separator, const Names& missing) {
   Candidate c;
   c.separator = separator;
   for (size_t i = 0; i < lines.size(); ++i) {
@@ -43,7 +51,7 @@ Candidate candidate(const std::deque<TableText::Line>& lines, char separator) {
     c.at.push_back(begin);
     c.cells.push_back(std::move(cells));
   }
-  const size_t half = c.cells.size() / 2;
+  const size_t half = samples_begin(c.cells);
   std::map<size_t, size_t> count;
   for (size_t i = half; i < c.cells.size(); ++i) ++count[c.cells[i].size()];
   size_t most = 0;
@@ -56,7 +64,7 @@ Candidate candidate(const std::deque<TableText::Line>& lines, char separator) {
     if (c.cells[i].size() != c.columns) continue;
     for (size_t column = 0; column < c.columns; ++column) {
       const std::string_view cell = stripped(c.cells[i][column]);
-      const bool is_filled = !cell.empty(), is = is_filled && is_value(cell);
+      const bool is_filled = !cell.empty(), is = is_filled && (is_value(cell) || contains(missing, cell));
       filled[column] += is_filled, found[column] += is, all += is_filled, sum += is;
     }
   }
@@ -118,10 +126,56 @@ bool are_names(const Cells& cells) {
   return std::none_of(cells.begin(), cells.end(), [](const std::string& cell) { return number_from(cell, '.'); });
 }
 
-Dialect dialect(const Candidate& c) {
+// The cells of the line with all these columns, whose names may have a unit; empty if there is none.
+std::optional<size_t> line_with(const Candidate& c, const Names& columns) {
+  const auto is_in = [](const Cells& cells, const std::string& name) {
+    return std::any_of(cells.begin(), cells.end(), [&](const std::string& cell) {
+      const std::string_view title = stripped(cell);
+      return title == name || label_from(title).name == name || label_from(title).name == label_from(name).name;
+    });
+  };
+  for (size_t i = 0; i < c.cells.size() && !columns.empty(); ++i)
+    if (std::all_of(columns.begin(), columns.end(), [&](const std::string& name) { return is_in(c.cells[i], name); }))
+      return i;
+  return std::nullopt;
+}
+
+// Is this a line of names: as wide as the samples, with a text in each cell, which is no value in columns of values?
+bool is_line_of_names(const Candidate& c, const Cells& cells) {
+  if (width(c, cells) != c.columns || !is_filled(cells, c.columns)) return false;
+  size_t texts = 0, of_values = 0;
+  for (size_t column = 0; column < c.columns; ++column)
+    if (c.values[column]) ++of_values, texts += !is_value(stripped(cells[column]));
+  return texts > 0 && texts == of_values;
+}
+
+// The first row of samples. A preamble may be as wide as the samples and consist of numbers. The line of names then is
+// below it, and is the only one.
+size_t first_sample(const Candidate& c, const Names& columns) {
+  if (const auto header = line_with(c, columns)) return *header + 1;
+  const size_t first = first_row(c);
+  if (first == c.cells.size() || (first > 0 && width(c, c.cells[first - 1]) == c.columns)) return first;
+  std::optional<size_t> names;
+  for (size_t i = first; i < c.cells.size(); ++i) {
+    if (!is_line_of_names(c, c.cells[i])) continue;
+    if (names) return first;
+    names = i;
+  }
+  if (names && *names + 1 < c.cells.size()) return *names + 1;
+  // A table whose channels have numbers for names: "time,1,2" below a title.
+  const Cells& row = c.cells[first];
+  const bool has_text =
+      first > 0 && c.values.front() && !stripped(row.front()).empty() && !is_value(stripped(row.front()));
+  return has_text && first + 1 < c.cells.size() ? first + 1 : first;
+}
+
+Dialect dialect(const Candidate& c, const Names& columns) {
   Dialect d;
   d.separator = c.separator, d.columns = c.columns;
-  const size_t first = first_row(c);
+  size_t first = first_sample(c, columns);
+  if (first < c.cells.size() && first > 0 && first + 1 < c.cells.size() && line_with(c, columns) == first - 1 &&
+      width(c, c.cells[first]) == c.columns && is_units_row(c.cells[first]))
+    ++first;
   if (first == c.cells.size()) {
     d.header = c.at.empty() ? 0 : c.at.front();
     return d;
@@ -141,19 +195,19 @@ Dialect dialect(const Candidate& c) {
 
 }  // namespace
 
-Dialect dialect_of(const std::deque<TableText::Line>& lines) {
-  Candidate best = candidate(lines, ',');
+Dialect dialect_of(const std::deque<TableText::Line>& lines, const Known& known) {
+  Candidate best = candidate(lines, ',', known.missing);
   for (const char separator : {';', '\t'}) {
     const bool occurs = std::any_of(lines.begin(), lines.end(), [&](const TableText::Line& line) {
       return line.text.find(separator) != std::string::npos;
     });
     if (!occurs) continue;
-    Candidate other = candidate(lines, separator);
+    Candidate other = candidate(lines, separator, known.missing);
     const bool more = other.columns > 1 && (best.columns < 2 || other.share > best.share ||
                                             (other.share == best.share && other.columns > best.columns));
     if (more) best = std::move(other);
   }
-  return dialect(best);
+  return dialect(best, known.columns);
 }
 
 }  // namespace tokid::io

@@ -18,8 +18,14 @@ struct Dialect {
   size_t columns = 0;          // the usual number of cells
 };
 
+// What the caller states about a table: words for missing samples, and the columns that it must have.
+struct Known {
+  Names missing, columns;
+};
+
 // Finds the dialect in the first lines of a file, after its comments. The separator is that for which most cells are
-// numbers, time stamps or missing; the header is the last line before the rows of numbers.
-Dialect dialect_of(const std::deque<TableText::Line>& lines);
+// numbers, time stamps or missing. The header is the first line with all known columns; without them, the last line
+// before the rows of numbers, or the only line of names below a preamble of numbers.
+Dialect dialect_of(const std::deque<TableText::Line>& lines, const Known& known);
 
 }  // namespace tokid::io

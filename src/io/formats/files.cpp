@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <fstream>
+#include <map>
 
 #include "io/formats/data_files.hpp"
 #include "io/formats/formats.hpp"
@@ -129,6 +130,7 @@ void check_no_csv_options(const ReadOptions& options) {
   refuse(!options.time.empty(), "time");
   refuse(!options.missing.empty(), "missing");
   refuse(options.dates != DateOrder::automatic, "dates");
+  refuse(options.dt.has_value(), "dt");
   refuse(!options.trigger.empty(), "trigger");
   refuse(options.resample.has_value(), "resample");
 }
@@ -146,6 +148,33 @@ Ensemble load_one(const fs::path& path, const ReadOptions& options) {
     return e;
   });
   return in_wanted_order(std::move(found), options);
+}
+
+// Removes further names of a file. A remark names them if they differ.
+void keep_once(std::vector<fs::path>& files, io::Names& remarks) {
+  std::vector<fs::path> kept;
+  std::map<fs::path, fs::path> names;  // by the canonical path
+  for (fs::path& file : files) {
+    std::error_code error;
+    const fs::path canonical = fs::canonical(file, error);
+    const auto [at, is_new] = names.try_emplace(error ? file : canonical, file);
+    if (is_new)
+      kept.push_back(std::move(file));
+    else if (at->second != file)
+      remarks.push_back(
+          fmt::format("'{}' and '{}' are the same file, which was read once", at->second.string(), file.string()));
+  }
+  files = std::move(kept);
+}
+
+io::Names remarks_on_subfolders(const std::vector<fs::path>& paths) {
+  io::Names remarks;
+  for (const fs::path& path : paths)
+    if (const io::Names skipped = io::subfolders_with_csv(path); !skipped.empty())
+      remarks.push_back(
+          fmt::format("the folder '{}' has .csv files in {} {}, which were not read; name these folders, too",
+                      path.string(), skipped.size() == 1 ? "the subfolder" : "the subfolders", io::quoted(skipped)));
+  return remarks;
 }
 
 // How messages name several files.
@@ -169,7 +198,8 @@ Ensemble load_ensemble(const std::vector<fs::path>& paths, const ReadOptions& op
     for (fs::path& file : data_files(path)) files.push_back(std::move(file));
   std::sort(files.begin(), files.end(),
             [](const fs::path& a, const fs::path& b) { return io::is_before(a.string(), b.string()); });
-  files.erase(std::unique(files.begin(), files.end()), files.end());
+  io::Names remarks = remarks_on_subfolders(paths);
+  keep_once(files, remarks);
   for (const fs::path& file : files)
     naming(file, [&] {
       if (files.size() > 1 && format_of(file) != Format::csv)
@@ -180,6 +210,7 @@ Ensemble load_ensemble(const std::vector<fs::path>& paths, const ReadOptions& op
     });
   if (files.size() == 1 && format_of(files.front()) != Format::csv) return load_one(files.front(), options);
   Ensemble found = naming(name_of(paths, files), [&] { return io::read_csv(files, options); });
+  found.remarks.insert(found.remarks.begin(), remarks.begin(), remarks.end());
   return in_wanted_order(std::move(found), options);
 }
 

@@ -7,6 +7,7 @@
 #include <limits>
 #include <numeric>
 
+#include "base/statistics.hpp"
 #include "base/words.hpp"
 #include "io/guard/claims.hpp"
 
@@ -17,23 +18,37 @@ namespace {
 constexpr double no_sample = std::numeric_limits<double>::quiet_NaN();
 constexpr double infinite = std::numeric_limits<double>::infinity();
 
-std::vector<double> first_times(const Records& records) {
-  std::vector<double> first(records.rows.experiments.size(), infinite);
-  for (size_t i = 0; i < records.rows.time.size(); ++i) {
-    double& time = first[size_t(records.rows.experiment[i])];
-    time = std::min(time, records.rows.time[i]);
+// The first and the last time of each experiment.
+struct Spans {
+  std::vector<double> first, last;
+
+  double latest_begin() const { return *std::max_element(first.begin(), first.end()); }
+  double earliest_begin() const { return *std::min_element(first.begin(), first.end()); }
+  // The time that all experiments have in common; < 0 if there is none.
+  double common() const { return *std::min_element(last.begin(), last.end()) - latest_begin(); }
+  double shortest() const {
+    double length = infinite;
+    for (size_t n = 0; n < first.size(); ++n) length = std::min(length, last[n] - first[n]);
+    return length;
   }
-  return first;
+};
+
+Spans spans_of(const TimeColumn& rows) {
+  Spans spans{std::vector<double>(rows.experiments.size(), infinite),
+              std::vector<double>(rows.experiments.size(), -infinite)};
+  for (size_t i = 0; i < rows.time.size(); ++i) {
+    double &first = spans.first[size_t(rows.experiment[i])], &last = spans.last[size_t(rows.experiment[i])];
+    first = std::min(first, rows.time[i]), last = std::max(last, rows.time[i]);
+  }
+  return spans;
 }
 
-bool have_common_step(const Records& records) {
-  const std::vector<double> first = first_times(records);
-  std::vector<double> last(first.size(), -infinite);
-  for (size_t i = 0; i < records.rows.time.size(); ++i) {
-    double& time = last[size_t(records.rows.experiment[i])];
-    time = std::max(time, records.rows.time[i]);
+// Subtracts a time of each experiment.
+void move_times(const std::vector<double>& by, TimeColumn& rows) {
+  for (size_t i = 0; i < rows.time.size(); ++i) {
+    rows.largest = std::max(rows.largest, std::abs(rows.time[i]));
+    rows.time[i] -= by[size_t(rows.experiment[i])];
   }
-  return *std::max_element(first.begin(), first.end()) <= *std::min_element(last.begin(), last.end());
 }
 
 // Keeps the experiments in `kept`, in their order, with all their rows.
@@ -68,6 +83,43 @@ std::string some_of(const Names& names) {
   return names.size() > most ? fmt::format("{} and {} more", quoted(first), names.size() - most) : quoted(first);
 }
 
+// The rows of each experiment, in the order of their times.
+std::vector<std::vector<size_t>> rows_in_order(const TimeColumn& rows) {
+  std::vector<std::vector<size_t>> order(rows.experiments.size());
+  for (size_t i = 0; i < rows.time.size(); ++i) order[size_t(rows.experiment[i])].push_back(i);
+  for (std::vector<size_t>& own : order)
+    std::stable_sort(own.begin(), own.end(), [&](size_t a, size_t b) { return rows.time[a] < rows.time[b]; });
+  return order;
+}
+
+// ---- triggers ----
+
+// When the trigger first holds in an experiment, and when it first begins to hold.
+struct Onset {
+  std::optional<double> first, change;
+  bool from_first_row = false;
+
+  std::optional<double> time() const { return change ? change : first; }
+};
+
+Onset onset_of(const Records& records, const std::vector<size_t>& order) {
+  Onset onset;
+  Event last = Event::unknown;
+  for (const size_t i : order) {
+    const Event now = records.event[i];
+    if (now == Event::unknown) continue;
+    if (now == Event::holds && !onset.first)
+      onset.first = records.rows.time[i], onset.from_first_row = last == Event::unknown;
+    if (now == Event::holds && last == Event::fails && !onset.change) onset.change = records.rows.time[i];
+    last = now;
+  }
+  return onset;
+}
+
+std::string experiments_named(const Names& names) {
+  return fmt::format("{} {}", names.size() == 1 ? "experiment" : "experiments", some_of(names));
+}
+
 // ---- resampling ----
 
 // One channel of one experiment: its samples that are not missing, in the order of time.
@@ -92,35 +144,47 @@ Signal signal_of(const Records& records, const std::vector<size_t>& order, size_
   return s;
 }
 
-double median_of(std::vector<double> values) {
-  if (values.empty()) return 0.0;
-  const auto middle = values.begin() + std::ptrdiff_t(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
+// How a channel is resampled, in the unit of the times.
+struct Filling {
+  ResampleMethod method = ResampleMethod::linear;
+  double dt = 1.0, longest = infinite;  // the grid, and the longest gap that is filled
+  double slack = 0.0;                   // times that differ by less are the same, because they are rounded
+};
+
+// A sample of the grid. `age`: the time since the sample that it repeats.
+struct Filled {
+  double value = no_sample, age = 0.0;
+  bool in_gap = false;  // missing because of a long gap; else because its channel has no sample before it or after it
+};
+
+Filled average(const Signal& s, double time, const Filling& filling) {
+  const auto begin = std::lower_bound(s.time.begin(), s.time.end(), time - 0.5 * filling.dt - filling.slack);
+  const auto end = std::lower_bound(begin, s.time.end(), time + 0.5 * filling.dt - filling.slack);
+  if (begin == end) return {no_sample, 0.0, begin != s.time.begin() && end != s.time.end()};
+  const auto value = s.value.begin() + (begin - s.time.begin());
+  return {std::accumulate(value, value + (end - begin), 0.0) / double(end - begin)};
 }
 
-// `slack`: times that differ by less are the same, because they are rounded.
-double at(const Signal& s, double time, double dt, double longest, double slack, ResampleMethod method) {
-  if (s.time.empty()) return no_sample;
-  if (method == ResampleMethod::mean) {
-    const auto begin = std::lower_bound(s.time.begin(), s.time.end(), time - 0.5 * dt - slack);
-    const auto end = std::lower_bound(begin, s.time.end(), time + 0.5 * dt - slack);
-    if (begin == end) return no_sample;
-    const auto value = s.value.begin() + (begin - s.time.begin());
-    return std::accumulate(value, value + (end - begin), 0.0) / double(end - begin);
-  }
-  const auto after = std::upper_bound(s.time.begin(), s.time.end(), time + slack);
-  if (after == s.time.begin()) return no_sample;
+// The time is at most that of the last row of the experiment, up to which the method previous holds the last sample.
+Filled at(const Signal& s, double time, const Filling& filling) {
+  if (s.time.empty()) return {};
+  if (filling.method == ResampleMethod::mean) return average(s, time, filling);
+  const auto after = std::upper_bound(s.time.begin(), s.time.end(), time + filling.slack);
+  if (after == s.time.begin()) return {};
   const size_t i = size_t(after - s.time.begin()) - 1;
-  if (std::abs(s.time[i] - time) <= slack) return s.value[i];
-  if (after == s.time.end() || *after - s.time[i] > longest + slack) return no_sample;
-  if (method == ResampleMethod::previous) return s.value[i];
+  const double age = std::max(time - s.time[i], 0.0);
+  if (age <= filling.slack) return {s.value[i]};
+  const bool hold = filling.method == ResampleMethod::previous;
+  if (after == s.time.end() && !hold) return {};
+  if ((after == s.time.end() ? age : *after - s.time[i]) > filling.longest + filling.slack)
+    return {no_sample, 0.0, true};
+  if (hold) return {s.value[i], age};
   const double share = (time - s.time[i]) / (*after - s.time[i]);
-  return (1.0 - share) * s.value[i] + share * s.value[i + 1];
+  return {(1.0 - share) * s.value[i] + share * s.value[i + 1]};
 }
 
-// What the method does to noise that is independent from sample to sample.
-std::string effect_on_noise(ResampleMethod method, double dt, double usual) {
+// What the method does to noise that is independent from sample to sample. `oldest`: age of the oldest repeated sample.
+std::string effect_on_noise(ResampleMethod method, double dt, double usual, double oldest) {
   const double samples = dt / usual;
   switch (method) {
     case ResampleMethod::linear:
@@ -137,9 +201,11 @@ std::string effect_on_noise(ResampleMethod method, double dt, double usual) {
                                  "noise, and fast motion is averaged too",
                                  samples, 1.0 / std::sqrt(samples));
     default:
-      return samples < 1.0 ? "samples are repeated, so their noise is the same in neighbouring steps, and tests of "
-                             "whiteness are too optimistic"
-                           : fmt::format("samples are up to {:.4g} s old", usual);
+      return fmt::format("samples are up to {:.4g} s old{}", oldest,
+                         samples < 1.0
+                             ? " and repeated, so their noise is the same in neighbouring steps, and tests of "
+                               "whiteness are too optimistic"
+                             : "");
   }
 }
 
@@ -151,9 +217,22 @@ const char* name_of(ResampleMethod method) {
 
 struct Steps {
   Grid grid;
-  double origin = 0.0;  // step of the grid that is step 0 of the ensemble
+  std::optional<std::string> remark;  // on times that were moved
+  double origin = 0.0;                // step of the grid that is step 0 of the ensemble
   Index count = 1;
 };
+
+// The grid to whose steps the times are moved, and a remark where they are moved farther than by rounding.
+void move_to_grid(const TimeColumn& rows, double dt, Steps& steps) {
+  const MovedGrid moved = moved_grid(rows, dt);
+  steps.grid = moved.grid;
+  constexpr double unnoticed = 1e-6;  // of a step, as time_grid() permits
+  const auto [first, last] = std::minmax_element(rows.time.begin(), rows.time.end());
+  const double rounding = rows.precision.unit(std::max(std::abs(*first), std::abs(*last)));
+  if (moved.largest > std::max(unnoticed * moved.grid.dt, rounding))
+    steps.remark = fmt::format("times were moved by up to {:.3g} s to even steps of {} s (option dt)",
+                               rows.unit.in_seconds(moved.largest), dt);
+}
 
 Steps steps_of(const Records& records, const Assembly& choice) {
   const auto [first, last] = std::minmax_element(records.rows.time.begin(), records.rows.time.end());
@@ -163,7 +242,10 @@ Steps steps_of(const Records& records, const Assembly& choice) {
   if (!records.doubt.empty())
     check_common_steps(records.rows, "step numbers from the begin of each experiment on needed, or the name 'k'");
   Steps result;
-  result.grid = records.source == StepSource::times ? time_grid(records.rows, choice.dt) : Grid{*first, 1.0};
+  if (records.source == StepSource::times && choice.moved && choice.dt)
+    move_to_grid(records.rows, *choice.dt, result);
+  else
+    result.grid = records.source == StepSource::times ? time_grid(records.rows, choice.dt) : Grid{*first, 1.0};
   if (choice.before) result.origin = result.grid.step(0.0) - double(*choice.before);
   const double steps = result.grid.step(*last) - result.origin + 1, rows = double(records.rows.time.size());
   const size_t experiments = records.rows.experiments.size();
@@ -180,6 +262,11 @@ Steps steps_of(const Records& records, const Assembly& choice) {
   return result;
 }
 
+// A table with one experiment may have no name for it.
+std::string of_experiment(const std::string& name) {
+  return name.empty() ? std::string() : fmt::format(" of experiment '{}'", name);
+}
+
 void fill(const Records& records, const Steps& steps, Ensemble& e, std::vector<Index>& length) {
   std::vector<bool> seen(size_t(e.experiments() * e.steps()));
   for (size_t i = 0; i < records.rows.time.size(); ++i) {
@@ -187,8 +274,8 @@ void fill(const Records& records, const Steps& steps, Ensemble& e, std::vector<I
     if (k < 0) continue;  // before the steps that are kept
     auto cell = seen[size_t(n * e.steps() + k)];
     if (cell)
-      fail("{}: a second row for step {} of experiment '{}' found, one needed{}", place(records.rows, i), k,
-           records.rows.experiments[size_t(n)], records.doubt);
+      fail("{}: a second row for step {}{} found, one needed{}", place(records.rows, i), k,
+           of_experiment(records.rows.experiments[size_t(n)]), records.doubt);
     cell = true;
     length[size_t(n)] = std::max(length[size_t(n)], k + 1);
     const double* sample = records.samples.data() + i * records.channels();
@@ -232,40 +319,125 @@ void append(const Records& more, Records& to) {
 }
 
 void begin_together(Records& records) {
-  if (records.rows.time.empty() || have_common_step(records)) return;
-  const std::vector<double> first = first_times(records);
-  for (size_t i = 0; i < records.rows.time.size(); ++i)
-    records.rows.time[i] -= first[size_t(records.rows.experiment[i])];
-  records.remarks.emplace_back(
-      "the experiments have no time in common, so each one begins at its first row; --trigger aligns them by an event");
+  TimeColumn& rows = records.rows;
+  if (rows.time.empty()) return;
+  const Spans spans = spans_of(rows);
+  const double apart = spans.latest_begin() - spans.earliest_begin();
+  if (!(apart > 0)) return;
+  constexpr double most = 0.5;  // of the shortest experiment
+  constexpr auto trigger = "--trigger aligns them by an event";
+  const bool timed = records.source == StepSource::times;
+  if (spans.common() >= most * spans.shortest()) {
+    records.remarks.push_back(fmt::format(
+        "the {} of the experiments were read as those of one clock: the experiments begin up to {:.6g}{} apart; {}",
+        timed ? "times" : "step numbers", timed ? rows.unit.in_seconds(apart) : apart, timed ? " s" : " steps",
+        trigger));
+    return;
+  }
+  move_times(spans.first, rows);
+  records.remarks.push_back(fmt::format("the experiments have {} in common, so each one begins at its first row; {}",
+                                        spans.common() < 0 ? "no time" : "less than half of the shortest one",
+                                        trigger));
 }
 
 void align(const std::string& trigger, Records& records) {
-  const size_t experiments = records.rows.experiments.size();
-  std::vector<double> begin(experiments, infinite);
-  for (size_t i = 0; i < records.rows.time.size(); ++i) {
-    double& time = begin[size_t(records.rows.experiment[i])];
-    if (records.event[i]) time = std::min(time, records.rows.time[i]);
-  }
+  TimeColumn& rows = records.rows;
+  std::vector<Onset> onsets;
+  for (const std::vector<size_t>& own : rows_in_order(rows)) onsets.push_back(onset_of(records, own));
   std::vector<bool> kept;
-  Names without;
-  for (size_t n = 0; n < experiments; ++n) {
-    kept.push_back(begin[n] < infinite);
-    if (!kept.back()) without.push_back(records.rows.experiments[n]);
+  Names without, begun, again;
+  for (size_t n = 0; n < onsets.size(); ++n) {
+    kept.push_back(onsets[n].time().has_value());
+    if (!kept.back()) without.push_back(rows.experiments[n]);
+    if (onsets[n].from_first_row) (onsets[n].change ? again : begun).push_back(rows.experiments[n]);
   }
-  if (without.size() == experiments)
+  if (without.size() == onsets.size())
     fail("trigger '{}': it holds at no row of any experiment; a condition that holds somewhere needed", trigger);
-  for (size_t i = 0; i < records.rows.time.size(); ++i) {
-    const double time = begin[size_t(records.rows.experiment[i])];
-    if (time < infinite) records.rows.time[i] -= time;
-  }
+  std::vector<double> begin;
+  for (const Onset& onset : onsets) begin.push_back(onset.time().value_or(0.0));
+  move_times(begin, rows);
   records.event.clear();
-  if (without.empty()) return;
-  keep(kept, records);
-  records.remarks.push_back(fmt::format("trigger '{}': it never holds in {} {}, which {} dropped", trigger,
-                                        without.size() == 1 ? "experiment" : "experiments", some_of(without),
-                                        without.size() == 1 ? "was" : "were"));
+  if (!without.empty()) keep(kept, records);
+  const auto remark = [&](const Names& names, const std::string& what) {
+    if (!names.empty()) records.remarks.push_back(fmt::format("trigger '{}': it {}", trigger, what));
+  };
+  remark(without, fmt::format("never holds in {}, which {} dropped", experiments_named(without),
+                              without.size() == 1 ? "was" : "were"));
+  remark(begun, fmt::format("already holds at the first row of {}, so the event may be earlier; that row became step 0",
+                            experiments_named(begun)));
+  remark(again, fmt::format("already holds at the first row of {}; step 0 is where it begins to hold again",
+                            experiments_named(again)));
 }
+
+namespace {
+
+// The median distance of successive rows; 0 if there are none.
+double usual_distance(const TimeColumn& rows, const std::vector<std::vector<size_t>>& order) {
+  std::vector<double> distances;
+  for (const std::vector<size_t>& own : order)
+    for (size_t i = 1; i < own.size(); ++i)
+      if (const double distance = rows.time[own[i]] - rows.time[own[i - 1]]; distance > 0)
+        distances.push_back(distance);
+  return distances.empty() ? 0.0 : statistics::median(std::move(distances));
+}
+
+struct FilledCount {
+  Index in_gaps = 0, outside = 0;  // missing samples
+  double oldest = 0.0;             // age of a repeated sample
+
+  void add(const Filled& sample) {
+    oldest = std::max(oldest, sample.age);
+    if (std::isnan(sample.value)) ++(sample.in_gap ? in_gaps : outside);
+  }
+  void add(const FilledCount& more) {
+    in_gaps += more.in_gaps, outside += more.outside, oldest = std::max(oldest, more.oldest);
+  }
+};
+
+// Appends the samples of an experiment, whose rows are `order`, at the times begin + k dt within it.
+FilledCount add_resampled(const Records& records, Index n, const std::vector<size_t>& order, double begin,
+                          const Filling& filling, Records& to) {
+  std::vector<Signal> signals;
+  for (size_t c = 0; c < records.channels(); ++c) signals.push_back(signal_of(records, order, c));
+  const TimeColumn& rows = records.rows;
+  const double first = std::ceil((rows.time[order.front()] - begin - filling.slack) / filling.dt);
+  const double last = std::floor((rows.time[order.back()] - begin + filling.slack) / filling.dt);
+  FilledCount count;
+  auto nearest = order.begin();
+  for (double k = first; k <= last; ++k) {
+    const double time = begin + k * filling.dt;
+    while (nearest + 1 != order.end() && rows.time[*(nearest + 1)] <= time + filling.slack) ++nearest;
+    to.rows.time.push_back(k * filling.dt);
+    to.rows.experiment.push_back(n);
+    to.rows.line.push_back(rows.line[*nearest]);
+    for (const Signal& s : signals) {
+      const Filled sample = at(s, time, filling);
+      to.samples.push_back(sample.value);
+      count.add(sample);
+    }
+  }
+  return count;
+}
+
+std::string remark_on_resampling(const Resampling& choice, const TimeUnit& unit, double usual, double longest,
+                                 const FilledCount& count) {
+  std::string remark =
+      fmt::format("resampled from about {:.4g} s to {} s by the method {}: {}", unit.in_seconds(usual), choice.dt,
+                  name_of(choice.method),
+                  effect_on_noise(choice.method, choice.dt, usual > 0 ? unit.in_seconds(usual) : choice.dt,
+                                  unit.in_seconds(count.oldest)));
+  const auto stay = [](Index samples) { return samples == 1 ? "sample stays" : "samples stay"; };
+  if (count.in_gaps > 0)
+    remark +=
+        fmt::format("; {} {} missing, because the gap there is longer than {:.4g} s", count.in_gaps,
+                    stay(count.in_gaps), choice.method == ResampleMethod::mean ? choice.dt : unit.in_seconds(longest));
+  if (count.outside > 0)
+    remark += fmt::format("; {} {} missing before the first or after the last sample of the channel", count.outside,
+                          stay(count.outside));
+  return remark;
+}
+
+}  // namespace
 
 void resample(const Resampling& choice, bool aligned, Records& records) {
   if (records.source != StepSource::times)
@@ -273,56 +445,25 @@ void resample(const Resampling& choice, bool aligned, Records& records) {
   if (!(choice.dt > 0) || !std::isfinite(choice.dt))
     fail("resample: {} found, a positive time in seconds needed", choice.dt);
   const TimeColumn& rows = records.rows;
-  const double dt = rows.unit.from_seconds(choice.dt);
-  std::vector<std::vector<size_t>> order(rows.experiments.size());
-  for (size_t i = 0; i < rows.time.size(); ++i) order[size_t(rows.experiment[i])].push_back(i);
-  std::vector<double> distances;
-  for (std::vector<size_t>& own : order) {
-    std::stable_sort(own.begin(), own.end(), [&](size_t a, size_t b) { return rows.time[a] < rows.time[b]; });
-    for (size_t i = 1; i < own.size(); ++i)
-      if (const double distance = rows.time[own[i]] - rows.time[own[i - 1]]; distance > 0)
-        distances.push_back(distance);
-  }
-  const double usual = median_of(distances), slack = 1e-6 * std::min(dt, usual > 0 ? usual : dt);
-  const double longest = double(choice.longest_gap) * std::max(dt, usual);
+  const std::vector<std::vector<size_t>> order = rows_in_order(rows);
+  const double dt = rows.unit.from_seconds(choice.dt), usual = usual_distance(rows, order);
+  const double longest = choice.longest_gap ? double(*choice.longest_gap) * std::max(dt, usual) : infinite;
+  const Filling filling{choice.method, dt, longest, 1e-6 * std::min(dt, usual > 0 ? usual : dt)};
   const double begin = aligned ? 0.0 : *std::min_element(rows.time.begin(), rows.time.end());
 
   Records result = records;
   result.rows.time.clear(), result.rows.experiment.clear(), result.rows.line.clear(), result.samples.clear();
-  result.rows.precision = {};
+  result.rows.precision = {}, result.rows.largest = 0.0;
   const double total = (*std::max_element(rows.time.begin(), rows.time.end()) - begin) / dt;
   if (!(total * double(order.size() * records.channels()) * sizeof(double) <= 0.25 * double(memory_limit())))
     fail("resample: {} s found, which makes {:.4g} steps of each experiment, more than fit into memory", choice.dt,
          total);
-  Index unfilled = 0;
-  for (size_t n = 0; n < order.size(); ++n) {
-    std::vector<Signal> signals;
-    for (size_t c = 0; c < records.channels(); ++c) signals.push_back(signal_of(records, order[n], c));
-    const double first = std::ceil((rows.time[order[n].front()] - begin - slack) / dt);
-    const double last = std::floor((rows.time[order[n].back()] - begin + slack) / dt);
-    auto nearest = order[n].begin();
-    for (double k = first; k <= last; ++k) {
-      const double time = begin + k * dt;
-      while (nearest + 1 != order[n].end() && rows.time[*(nearest + 1)] <= time + slack) ++nearest;
-      result.rows.time.push_back(k * dt);
-      result.rows.experiment.push_back(Index(n));
-      result.rows.line.push_back(rows.line[*nearest]);
-      for (const Signal& s : signals) {
-        result.samples.push_back(at(s, time, dt, longest, slack, choice.method));
-        unfilled += std::isnan(result.samples.back());
-      }
-    }
-  }
+  FilledCount count;
+  for (size_t n = 0; n < order.size(); ++n)
+    count.add(add_resampled(records, Index(n), order[n], begin, filling, result));
   if (result.rows.time.empty())
     fail("resample: {} s found, but no experiment is as long; a shorter sample time needed", choice.dt);
-  std::string remark =
-      fmt::format("resampled from about {:.4g} s to {} s by the method {}: {}", rows.unit.in_seconds(usual), choice.dt,
-                  name_of(choice.method), effect_on_noise(choice.method, dt, usual > 0 ? usual : dt));
-  if (unfilled > 0)
-    remark += fmt::format("; {} {} missing, because the gap there is longer than {:.4g} s", unfilled,
-                          unfilled == 1 ? "sample stays" : "samples stay",
-                          choice.method == ResampleMethod::mean ? choice.dt : rows.unit.in_seconds(longest));
-  result.remarks.push_back(std::move(remark));
+  result.remarks.push_back(remark_on_resampling(choice, rows.unit, usual, longest, count));
   records = std::move(result);
 }
 
@@ -338,6 +479,7 @@ Ensemble assembled(const Records& records, const Assembly& choice) {
   const bool differ = std::any_of(length.begin(), length.end(), [&](Index own) { return own < e.steps(); });
   if (choice.own_lengths && differ) e.length = std::move(length);
   e.remarks = records.remarks;
+  if (steps.remark) e.remarks.push_back(*steps.remark);
   if (auto remark = remark_on_empty_steps(records, steps)) e.remarks.push_back(*std::move(remark));
   return e;
 }

@@ -14,13 +14,16 @@ namespace tokid::io {
 // What states the steps of the rows: times, step numbers, or the order of the rows.
 enum class StepSource { times, numbers, order };
 
+// Does the trigger hold at a row? Unknown: its sample is missing.
+enum class Event : unsigned char { unknown, fails, holds };
+
 struct Records {
   Names inputs, outputs;  // names of the r + m channels
   StepSource source = StepSource::order;
   std::string doubt;  // the end of messages about step numbers that may be something else
   TimeColumn rows;
   std::vector<double> samples;  // (rows, r + m)
-  std::vector<bool> event;      // of each row: does the trigger hold? Empty: no trigger
+  std::vector<Event> event;     // of each row, with a trigger
   Names remarks;                // on what was done with the rows
 
   size_t channels() const { return inputs.size() + outputs.size(); }
@@ -29,17 +32,21 @@ struct Records {
 // Appends the experiments of `more`, whose channels must be the same.
 void append(const Records& more, Records& to);
 
-// If no step is common to all experiments, each experiment begins with its own first row.
+// Decides whether the times of different experiments are those of one clock. If all experiments have most of the
+// shortest one in common, the times stay. Otherwise each experiment begins with its own first row. A remark states what
+// was done, unless all begin at the same time.
 void begin_together(Records& records);
 
-// Moves the time of each experiment, so that the first row at which the trigger holds has the time 0. Experiments in
-// which it never holds are dropped, and a remark names them. \throws IoError if it holds in no experiment
+// Moves the time of each experiment, so that the first row at which the trigger begins to hold has the time 0. If it
+// already holds at the first row and does not begin again, this row has the time 0. Remarks name the experiments in
+// which it already holds at the first row, and those in which it never holds, which are dropped. \throws IoError if it
+// holds in no experiment
 void align(const std::string& trigger, Records& records);
 
 struct Resampling {
   double dt = 1.0;  // [s]
   ResampleMethod method = ResampleMethod::linear;
-  Index longest_gap = 3;  // steps of dt or of the usual distance of the samples, whichever is longer
+  std::optional<Index> longest_gap;  // steps of dt or of the usual distance of the samples, whichever is longer
 };
 
 // Samples on the grid begin + k dt, where begin is 0 if `aligned`, and else the first time of all rows. A remark states
@@ -48,6 +55,7 @@ void resample(const Resampling& choice, bool aligned, Records& records);
 
 struct Assembly {
   std::optional<double> dt;     // stated sample time [s]
+  bool moved = false;           // times may lie beside the steps of `dt`: see moved_grid()
   std::optional<Index> before;  // steps to keep before the time 0 of aligned records
   bool own_lengths = false;     // each experiment ends with its last row; false: absent rows are missing samples
 };

@@ -96,6 +96,7 @@ TableText::TableText(const std::filesystem::path& path) : file_(path, std::ios::
   if (checksum_) return;
   const bool open = file_.eof() && !line.ends_with('"') && !line.ends_with('\r');
   ahead_.push_back({std::move(line), read_, open});
+  to_utf8(ahead_.front());
   bytes_ahead_ = ahead_.front().text.size();
 }
 
@@ -115,15 +116,17 @@ bool TableText::fill(size_t lines, size_t bytes) {
   while (ahead_.size() < lines && (ahead_.empty() || bytes_ahead_ < bytes)) {
     std::optional<Line> line = read_line();
     if (!line) break;
+    to_utf8(*line);
     bytes_ahead_ += line->text.size();
     ahead_.push_back(*std::move(line));
   }
-  for (Line& line : ahead_)
-    if (!is_ascii(line.text) && !utf32_from(line.text)) {
-      if (!latin_line_) latin_line_ = line.number;
-      line.text = utf8_from_windows(line.text);
-    }
   return !ahead_.empty();
+}
+
+void TableText::to_utf8(Line& line) {
+  if (is_ascii(line.text) || utf32_from(line.text)) return;
+  if (!latin_line_) latin_line_ = line.number;
+  line.text = utf8_from_windows(line.text);
 }
 
 const std::deque<TableText::Line>& TableText::ahead() {

@@ -63,6 +63,7 @@ class TableText {
  private:
   std::optional<Line> read_line();
   bool fill(size_t lines, size_t bytes);
+  void to_utf8(Line& line);
   void parse_line(char separator);
 
   std::ifstream file_;

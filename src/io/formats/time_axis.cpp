@@ -105,15 +105,16 @@ double most_even(const Fit& fit, double apart) {
   return 0.5 * (low + high);
 }
 
+double rounded(double value, int digits) {
+  const std::string text = fmt::format("{:.{}g}", value, digits);
+  double result = 0.0;
+  std::from_chars(text.data(), text.data() + text.size(), result);
+  return result;
+}
+
 // Finds the spacing that the author of the table probably meant: the one with the fewest digits, in itself or in its
 // inverse (a frequency), among those whose spread is at most `most`.
 double with_few_digits(const Fit& fit, double dt, double most) {
-  const auto rounded = [](double value, int digits) {
-    const std::string text = fmt::format("{:.{}g}", value, digits);
-    double result = 0.0;
-    std::from_chars(text.data(), text.data() + text.size(), result);
-    return result;
-  };
   for (int digits = 1; digits <= 12; ++digits)
     for (const double meant : {rounded(dt, digits), 1.0 / rounded(1.0 / dt, digits)})
       if (spread(fit, meant) <= most) return meant;
@@ -143,7 +144,38 @@ bool first_is_wrong(const Fit& fit, double usual) {
   return before > 1.5 * usual && after > 0.5 * usual && after < 1.5 * usual;
 }
 
-[[noreturn]] void fail_uneven(const TimeColumn& rows, const Fit& fit, double usual, bool stated) {
+// Relative to a step: how far a time may lie beside the step to which it is moved.
+constexpr double farthest = 0.1;
+
+// The grid of steps of `dt` that is nearest to the times, and the row that is farthest from its step.
+struct Nearest {
+  MovedGrid found;
+  size_t row = 0;
+
+  bool is_near() const { return found.largest <= farthest * found.grid.dt; }
+};
+
+Nearest nearest_grid(const TimeColumn& rows, double dt) {
+  const double first = *std::min_element(rows.time.begin(), rows.time.end());
+  const auto beside = [&](size_t i) { return std::remainder(rows.time[i] - first, dt); };
+  size_t low = 0, high = 0;
+  for (size_t i = 0; i < rows.time.size(); ++i) {
+    if (beside(i) < beside(low)) low = i;
+    if (beside(i) > beside(high)) high = i;
+  }
+  const double middle = 0.5 * (beside(low) + beside(high));
+  return {{{first + middle, dt, true}, beside(high) - middle}, std::abs(beside(low)) > beside(high) ? low : high};
+}
+
+// The spacing with few digits to whose steps all times can be moved; empty if there is none.
+std::optional<double> spacing_to_move_to(const TimeColumn& rows, double usual) {
+  for (int digits = 1; digits <= 4; ++digits)
+    for (const double dt : {rounded(usual, digits), 1.0 / rounded(1.0 / usual, digits)})
+      if (dt > 0 && nearest_grid(rows, dt).is_near() && std::abs(dt - usual) < farthest * usual) return dt;
+  return std::nullopt;
+}
+
+[[noreturn]] void fail_uneven(const TimeColumn& rows, const Fit& fit, double usual, double rounding, bool stated) {
   const bool first = first_is_wrong(fit, usual);
   const size_t row = first ? fit.row[0] : fit.row[*fit.wrong];
   const std::string what =
@@ -151,14 +183,21 @@ bool first_is_wrong(const Fit& fit, double usual) {
                                       fit.uncounted, fit.grid.dt)
                         : fmt::format("which differs by {:.4g} from even steps of {:.10g} that begin at {}", fit.off,
                                       fit.grid.dt, first ? fit.time[*fit.wrong] : fit.time[0]);
+  const std::optional<double> even = fit.uncounted > 0 ? std::nullopt : spacing_to_move_to(rows, usual);
+  std::string advice;
+  // A stated dt helps with rounding and with gaps, but not with a clock that jitters.
+  if (!stated && !(even && fit.off > 2 * rounding)) advice = "state '# dt = …' above the header, ";
+  if (even)
+    advice += fmt::format("move the times to even steps of {:.6g} s (option dt), ", rows.unit.in_seconds(*even));
   fail("{}, column '{}': {} found, {}; {}resample to even times (option resample), or number the steps in a column 'k'",
-       place(rows, row), rows.name, rows.time[row], what, stated ? "" : "state '# dt = …' above the header, ");
+       place(rows, row), rows.name, rows.time[row], what, advice);
 }
 
 // Throws if all rows are several steps apart, because the sample time is then probably wrong. With a stated dt, the
 // rows of all experiments are checked together. Without it, each experiment is checked alone: its rows can only be
 // several steps apart if another experiment has a smaller spacing.
-void check_all_steps(const TimeColumn& rows, const Fit& fit, std::optional<double> stated) {
+// `name`: of the stated dt.
+void check_all_steps(const TimeColumn& rows, const Fit& fit, std::optional<double> stated, std::string_view name) {
   constexpr double most = 9007199254740992.0;  // 2^53: doubles represent all whole numbers up to here
   if (!(fit.step.back() < most)) return;
   struct Steps {
@@ -179,9 +218,9 @@ void check_all_steps(const TimeColumn& rows, const Fit& fit, std::optional<doubl
     if (count < 3 || common <= 1.0) continue;
     if (stated)
       fail(
-          "'# dt = {}' found, but all rows of column '{}' lie {:.10g} s or multiples of it apart; correct dt or "
+          "'{} = {}' found, but all rows of column '{}' lie {:.10g} s or multiples of it apart; correct dt or "
           "the times",
-          *stated, rows.name, *stated * common);
+          name, *stated, rows.name, *stated * common);
     fail(
         "column '{}': steps of {:.10g} in experiment '{}' and of {:.10g} in all experiments together found, one "
         "sample time needed; "
@@ -269,7 +308,7 @@ Grid time_grid(const TimeColumn& rows, std::optional<double> stated) {
                        "times from the begin of each experiment on needed, or a line '# dt = …' above the header where "
                        "samples are missing");
   Fit fit = in_order(rows);
-  const double largest = std::max(std::abs(fit.time.front()), std::abs(fit.time.back()));
+  const double largest = std::max({std::abs(fit.time.front()), std::abs(fit.time.back()), rows.largest});
   const double resolution = 4 * epsilon * largest, rounding = rows.precision.unit(largest) + resolution;
   const double usual = stated ? rows.unit.from_seconds(*stated) : usual_gap(rows, fit, resolution);
   if (!stated && usual == 0) return {fit.time.front(), 1.0, false};
@@ -281,9 +320,25 @@ Grid time_grid(const TimeColumn& rows, std::optional<double> stated) {
     fit_grid(usual, stated.has_value(), rounding, rounding, rounded);
     if (rounding <= roughest * rounded.grid.dt && (stated || rounded.rows >= enough)) fit = std::move(rounded);
   }
-  if (fit.wrong) fail_uneven(rows, fit, usual, stated.has_value());
-  check_all_steps(rows, fit, stated);
+  if (fit.wrong) fail_uneven(rows, fit, usual, rounding, stated.has_value());
+  check_all_steps(rows, fit, stated, "# dt");
   return fit.grid;
+}
+
+MovedGrid moved_grid(const TimeColumn& rows, double stated) {
+  const double dt = rows.unit.from_seconds(stated);
+  if (!(dt > 0) || !std::isfinite(dt)) fail("dt: {} found, a positive time in seconds needed", dt);
+  const auto [moved, farthest_row] = nearest_grid(rows, dt);
+  if (moved.largest > farthest * dt)
+    fail(
+        "{}, column '{}': {} found, which lies more than a tenth of a step beside even steps of {:.10g}; another dt, or "
+        "even times needed: resample (option resample)",
+        place(rows, farthest_row), rows.name, rows.time[farthest_row], dt);
+  Fit fit = in_order(rows);
+  for (const double time : fit.time) fit.step.push_back(moved.grid.step(time) - moved.grid.step(fit.time.front()));
+  fit.grid = moved.grid;
+  check_all_steps(rows, fit, stated, "dt");
+  return moved;
 }
 
 }  // namespace tokid::io

@@ -34,6 +34,7 @@ struct TimeColumn {
   Names experiments;              // in the order of appearance
   Names files;                    // of each experiment, where the rows come from several files; else empty
   Precision precision;            // of the times
+  double largest = 0.0;           // absolute time before the times were moved, whose rounding they keep
 };
 
 // "line 17", or "run3.csv, line 17" where the rows come from several files.
@@ -54,6 +55,15 @@ struct Grid {
 // IoError for experiments without a common step or with different sample times, and for rows that are all several
 // stated dt apart
 Grid time_grid(const TimeColumn& rows, std::optional<double> dt);
+
+struct MovedGrid {
+  Grid grid;
+  double largest = 0.0;  // largest distance of a time from its step, in the unit of the times
+};
+
+// The grid of the stated `dt` [s] that is nearest to all times, which may lie up to a tenth of a step beside it.
+// \throws IoError that names the line of a time farther from its step; IoError for rows that are all several dt apart
+MovedGrid moved_grid(const TimeColumn& rows, double dt);
 
 // Checks that all experiments have a step in common; otherwise the data are not repeated experiments. \throws IoError
 // that names two experiments without a common step, and ends with `needed`

@@ -163,7 +163,9 @@ bool clock(Scanner& text, Stamp& stamp) {
   const auto minutes = text.digits(2, 2);
   if (!minutes || *minutes > 59) return false;
   std::int64_t seconds = 0;
+  stamp.hours = *hours;
   if (text.skip(":")) {
+    stamp.has_seconds = true;
     const auto whole = text.digits(2, 2);
     if (!whole || *whole > 60) return false;
     seconds = *whole * second;
@@ -187,8 +189,10 @@ bool clock(Scanner& text, Stamp& stamp) {
   if (word == "am" || word == "pm") {
     if (in_day < 1 || in_day > 12) return false;
     in_day = in_day % 12 + (word == "pm" ? 12 : 0);
-  } else if (!word.empty() && word != "z" && word != "utc" && word != "gmt") {
-    return false;
+    stamp.has_half = true;
+  } else if (!word.empty()) {
+    if (word != "z" && word != "utc" && word != "gmt") return false;
+    stamp.has_zone = true;
   }
   const bool east = text.front() == '+';
   if (word.empty() && stamp.has_date && text.skip("+-")) {
@@ -196,6 +200,7 @@ bool clock(Scanner& text, Stamp& stamp) {
     text.skip(":");
     const auto zone_minutes = text.done() ? std::optional(0) : text.digits(2, 2);
     if (!zone_hours || !zone_minutes) return false;
+    stamp.has_zone = true;
     offset = (east ? 1 : -1) * (*zone_hours * hour + *zone_minutes * minute);
   }
   if (stamp.has_date && in_day > 24) return false;
@@ -268,6 +273,101 @@ std::optional<std::string> settle(const std::vector<Index>& lines, const Names& 
                      words::quoted(texts[*shown]), lines[*shown]);
 }
 
+// A column of stamps, for messages.
+struct StampColumn {
+  const std::vector<Stamp>& stamps;
+  const std::vector<Index>& experiments;
+  const std::vector<Index>& lines;
+  const Names& texts;
+
+  std::string at(size_t i) const { return fmt::format("line {}: '{}'", lines[i], words::quoted(texts[i])); }
+};
+
+void check_alike(const StampColumn& column) {
+  const Stamp& first = column.stamps.front();
+  const std::string like = fmt::format("'{}' in line {}", words::quoted(column.texts.front()), column.lines.front());
+  for (size_t i = 0; i < column.stamps.size(); ++i) {
+    const Stamp& stamp = column.stamps[i];
+    if (stamp.has_date != first.has_date)
+      fail("{} found, a {} like {} needed", column.at(i), stamp.has_date ? "time of day" : "date and time", like);
+    if (stamp.has_zone != first.has_zone)
+      fail("{} found {} a time zone, but {} {} one; a time zone in all rows or in none needed", column.at(i),
+           stamp.has_zone ? "with" : "without", like, first.has_zone ? "with" : "without");
+  }
+}
+
+[[noreturn]] void fail_without_dates(const StampColumn& column, size_t i, const char* why) {
+  fail("{} found after '{}'; {}; dates beside the times of day needed", column.at(i),
+       words::quoted(column.texts[i - 1]), why);
+}
+
+// The stamps of each experiment, in the order of their rows.
+std::vector<std::vector<size_t>> of_experiments(const std::vector<Index>& experiments) {
+  std::vector<std::vector<size_t>> of;
+  for (size_t i = 0; i < experiments.size(); ++i) {
+    of.resize(std::max(of.size(), size_t(experiments[i]) + 1));
+    of[size_t(experiments[i])].push_back(i);
+  }
+  return of;
+}
+
+// 1 if the times of day rise, -1 if the newest row is first, 0 if the rows show neither. A change by more than half a
+// day is one over midnight.
+int direction_of(const std::vector<Stamp>& stamps, const std::vector<size_t>& rows) {
+  size_t later = 0, earlier = 0;
+  for (size_t i = 1; i < rows.size(); ++i) {
+    const std::int64_t change = stamps[rows[i]].nanoseconds - stamps[rows[i - 1]].nanoseconds;
+    if (change != 0) ++((change > 0) == (std::abs(change) <= day_length / 2) ? later : earlier);
+  }
+  return 4 * earlier <= later ? 1 : 4 * later <= earlier ? -1 : 0;
+}
+
+struct Midnights {
+  std::vector<std::int64_t> days;  // that each stamp is after the day of the first stamp of its experiment
+  std::optional<size_t> first;     // the first stamp after a midnight
+  std::optional<size_t> doubtful;  // the first one whose time of day changes by less than half a day
+};
+
+// Hours of more than a day are elapsed times, which have no midnight. Without AM and PM, hours from 1 to 12 may belong
+// to either half of the day.
+void check_midnight(const StampColumn& column, size_t i) {
+  const auto& stamps = column.stamps;
+  if (std::any_of(stamps.begin(), stamps.end(), [](const Stamp& s) { return s.hours >= 24; }))
+    fail_without_dates(column, i, "hours of more than a day have no midnight");
+  const auto may_be_half = [](const Stamp& s) { return !s.has_half && s.hours >= 1 && s.hours <= 12; };
+  if (std::all_of(stamps.begin(), stamps.end(), may_be_half))
+    fail_without_dates(column, i, "without AM and PM, this may be noon or midnight");
+}
+
+Midnights midnights_of(const StampColumn& column) {
+  Midnights result;
+  result.days.resize(column.stamps.size());
+  for (const std::vector<size_t>& rows : of_experiments(column.experiments)) {
+    const int direction = direction_of(column.stamps, rows);
+    std::int64_t days = 0;
+    for (size_t i = 1; i < rows.size(); ++i) {
+      const std::int64_t change = column.stamps[rows[i]].nanoseconds - column.stamps[rows[i - 1]].nanoseconds;
+      if (change != 0 && direction == 0) fail_without_dates(column, rows[i], "the times of day neither rise nor fall");
+      if (change * direction < 0) {
+        check_midnight(column, rows[i]);
+        days += direction;
+        if (!result.first) result.first = rows[i];
+        if (!result.doubtful && std::abs(change) <= day_length / 2) result.doubtful = rows[i];
+      }
+      result.days[rows[i]] = days;
+    }
+  }
+  return result;
+}
+
+std::optional<std::string> remark_on_midnights(const StampColumn& column, const Midnights& midnights) {
+  if (!midnights.first) return std::nullopt;
+  if (midnights.doubtful)
+    return fmt::format("{} after '{}' was read as the time of another day; state dates if this is wrong",
+                       column.at(*midnights.doubtful), words::quoted(column.texts[*midnights.doubtful - 1]));
+  return "the times of day pass midnight; the rows on its other side were read as those of another day";
+}
+
 }  // namespace
 
 std::optional<Stamp> stamp_from(std::string_view text) {
@@ -298,33 +398,35 @@ std::optional<Stamp> joined(const std::optional<Stamp>& date, const std::optiona
   if (!date || !time || !date->has_date || date->has_clock || time->has_date) return std::nullopt;
   Stamp stamp = *date;
   stamp.has_clock = true, stamp.nanoseconds = time->nanoseconds, stamp.decimals = time->decimals;
+  stamp.hours = time->hours, stamp.has_seconds = time->has_seconds, stamp.has_half = time->has_half;
+  stamp.has_zone = time->has_zone;
   return stamp;
 }
 
-StampTimes times_of(const std::vector<Stamp>& stamps, const std::vector<Index>& lines, const Names& texts,
-                    DateOrder order) {
+StampTimes times_of(const std::vector<Stamp>& stamps, const std::vector<Index>& experiments,
+                    const std::vector<Index>& lines, const Names& texts, DateOrder order) {
   StampTimes result;
   if (stamps.empty()) return result;
   std::vector<Stamp> settled = stamps;
   result.remark = settle(lines, texts, order, settled);
-  std::int64_t origin = 0, midnights = 0, last = 0;
+  const StampColumn column{settled, experiments, lines, texts};
+  check_alike(column);
+  Midnights midnights;
+  if (!settled.front().has_date) {
+    midnights = midnights_of(column);
+    result.remark = remark_on_midnights(column, midnights);
+  }
+  std::int64_t origin = 0;
   for (size_t i = 0; i < settled.size(); ++i) {
     const Stamp& stamp = settled[i];
-    if (stamp.has_date != settled.front().has_date)
-      fail("line {}: '{}' found, a {} like '{}' in line {} needed", lines[i], words::quoted(texts[i]),
-           stamp.has_date ? "time of day" : "date and time", words::quoted(texts.front()), lines.front());
-    const auto days = stamp.has_date ? days_of(stamp.year, stamp.first, stamp.second) : std::optional<std::int64_t>(0);
+    const auto days =
+        stamp.has_date ? days_of(stamp.year, stamp.first, stamp.second) : std::optional(midnights.days[i]);
     if (!days) fail("line {}: '{}' found, a valid date needed", lines[i], words::quoted(texts[i]));
-    std::int64_t time = *days * day_length + stamp.nanoseconds;
-    if (!stamp.has_date && i > 0 && time + midnights * day_length < last - day_length / 2) ++midnights;
-    time += midnights * day_length;
+    const std::int64_t time = *days * day_length + stamp.nanoseconds;
     if (i == 0) origin = time;
-    last = time;
     result.seconds.push_back(double(time - origin) / double(second));
     result.decimals = std::max(result.decimals, stamp.decimals);
   }
-  if (midnights > 0 && !result.remark)
-    result.remark = "the times of day fall at midnight; the rows after it were read as those of the next day";
   return result;
 }
 

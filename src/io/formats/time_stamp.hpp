@@ -19,6 +19,10 @@ struct Stamp {
   bool open = false;                    // the text does not tell which of the two numbers is the day
   std::int64_t nanoseconds = 0;         // since midnight, in UTC if the text has a time zone
   int decimals = 0;                     // of the seconds
+  int hours = 0;                        // as written
+  bool has_seconds = false;             // false: hours and minutes alone
+  bool has_half = false;                // AM or PM
+  bool has_zone = false;
 };
 
 // Reads the whole text; empty if it is no time stamp. Two-digit years lie in 1970 … 2069.
@@ -33,12 +37,16 @@ struct StampTimes {
   std::optional<std::string> remark;  // on the order of day and month, and on midnight
 };
 
-// Times in seconds of the stamps of one column. `lines` and `texts` of the stamps are for messages. The dates of the
-// column decide whether day or month comes first, unless `order` states it. If all dates are the same, the order does
-// not matter. Times of day that fall by more than 12 h continue on the next day. \throws IoError if the order of day
-// and month is needed but open, if two dates contradict each other or `order`, and for stamps with and without dates in
-// one column
-StampTimes times_of(const std::vector<Stamp>& stamps, const std::vector<Index>& lines, const Names& texts,
-                    DateOrder order);
+// Times in seconds of the stamps of one column. `experiments`, `lines` and `texts` of the stamps are parallel to them.
+//
+// The dates of the column decide whether day or month comes first, unless `order` states it. If all dates are the same,
+// the order does not matter.
+//
+// Times of day: where those of an experiment rise, each fall is a midnight. Where they fall, because the newest row is
+// first, each rise is one. At least four fifths of the changes must show the direction.
+// \throws IoError if the order of day and month is needed but open, if two dates contradict each other or `order`, for
+// stamps with and without dates or time zones in one column, and for times of day that need dates
+StampTimes times_of(const std::vector<Stamp>& stamps, const std::vector<Index>& experiments,
+                    const std::vector<Index>& lines, const Names& texts, DateOrder order);
 
 }  // namespace tokid::io

@@ -100,6 +100,15 @@ std::optional<TimeUnit> time_unit(std::string_view column) {
   return std::nullopt;
 }
 
+bool is_minutes_and_seconds(std::string_view unit) {
+  const std::string lower = in_lower_case(std::string(unit));
+  const size_t colon = lower.find(':');
+  if (colon == std::string::npos) return false;
+  const std::string minutes = lower.substr(0, colon), seconds = lower.substr(colon + 1);
+  return (minutes == "m" || minutes == "mm" || minutes == "min") &&
+         (seconds == "s" || seconds == "ss" || seconds == "sec");
+}
+
 bool is_step_number(std::string_view column) {
   const std::string name = with_spaces(in_lower_case(std::string(stripped(column, between))));
   for (const std::string word : {"step", "sample"})

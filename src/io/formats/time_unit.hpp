@@ -25,6 +25,9 @@ struct TimeUnit {
 // need no word before them. \throws IoError for "time" with an unknown unit in brackets
 std::optional<TimeUnit> time_unit(std::string_view column);
 
+// Is the unit that of minutes and seconds: "mm:ss", "min:s"? Without it, "05:10" is a time of hours and minutes.
+bool is_minutes_and_seconds(std::string_view unit);
+
 // Is the name "step" or "sample", alone or followed by "number", "no" or "index"? Capital letters are allowed. "index"
 // alone is not accepted, because it counts the rows of a whole table.
 bool is_step_number(std::string_view column);
