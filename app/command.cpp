@@ -81,7 +81,7 @@ std::string words_of(const std::vector<fs::path>& paths) {
 std::string words_of(const ReadOptions& options) {
   const ReadOptions defaults;
   // All fields, so that a new one is an error here. outputs_required and wanted have no option.
-  const auto& [inputs, outputs, outputs_required, wanted, time, missing, dates, trigger, before, resample,
+  const auto& [inputs, outputs, outputs_required, wanted, time, missing, dates, dt, trigger, before, resample,
                resample_method, longest_gap] = options;
   std::string text;
   const auto add = [&text](const char* name, const std::string& value) {
@@ -95,12 +95,13 @@ std::string words_of(const ReadOptions& options) {
   if (!time.empty()) add("--time", time);
   add_list("--missing", missing);
   if (dates != defaults.dates) add("--dates", word_for(date_orders(), dates));
+  if (dt) add("--dt", fmt::format("{}", *dt));
   if (!trigger.empty()) add("--trigger", trigger);
   if (before != defaults.before) add("--before", fmt::format("{}", before));
   if (resample) add("--resample", fmt::format("{}", *resample));
   if (resample_method != defaults.resample_method)
     add("--resample-method", word_for(resample_methods(), resample_method));
-  if (longest_gap != defaults.longest_gap) add("--longest-gap", fmt::format("{}", longest_gap));
+  if (longest_gap) add("--longest-gap", fmt::format("{}", *longest_gap));
   return text;
 }
 
