@@ -29,7 +29,7 @@ def test_same_model_as_from_all_steps(tokid, tmp_path, options):
     assert 0 < blocks["block"] <= 90
     for key in set(whole) - {"block", "model", "seconds", "one_step_fit", "simulation_fit", "condition_max",
                              "singular_value_gap", "lag_order_errors", "nominal_test", "whiteness_p", "warnings",
-                             "feedthrough_choice"}:
+                             "feedthrough_choice", "verdict", "no_verdict"}:
         assert blocks[key] == whole[key], key
     assert blocks["feedthrough_choice"]["reason"] == whole["feedthrough_choice"]["reason"]
     assert blocks["one_step_fit"] == pytest.approx(whole["one_step_fit"], abs=1e-4)
