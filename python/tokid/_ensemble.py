@@ -225,8 +225,10 @@ class Ensemble(Channels):
             resample_method=resample_method,
             longest_gap=longest_gap,
         )
-        several = isinstance(path, Iterable) and not isinstance(path, (str, bytes, os.PathLike))
-        paths = list(path) if several else [path]
+        if isinstance(path, (str, bytes, os.PathLike)) or not isinstance(path, Iterable):
+            paths = [path]
+        else:
+            paths = list(path)
         with ExitStack() as stack:
             files = [stack.enter_context(reading(one)) for one in paths]
             core = _tokid.load_ensemble(files, options)
