@@ -14,7 +14,7 @@ SECTIONS = {
                   ["reference/commands", "reference/python/index", "reference/cpp/index", "reference/matlab-functions",
                    "python", "python-interop", "matlab", "formats", "glossary", "troubleshooting"]),
     "evidence": ("Evidence", "Measurements: accuracy, time, plants whose truth is known, other tools.",
-                 ["evidence", "comparisons", "plants", "accuracy", "performance", "portability"]),
+                 ["comparison", "evidence", "plants", "performance", "agreement", "portability"]),
     "project": ("Project", "Changes, contributions, security.", ["project/*"]),
 }
 
