@@ -6,6 +6,7 @@
 #include <cmath>
 #include <iterator>
 #include <stdexcept>
+#include <utility>
 
 #include "base/nan.hpp"
 #include "diagnose/conclusions.hpp"
@@ -216,33 +217,21 @@ class Words {
   }
 
   CheckWords innovations() const {
-    const auto subject = [&]() -> const char* {
+    const auto [subject, rule] = [&]() -> std::pair<const char*, const char*> {
       switch (test()) {
         case Conclusion::Test::whiteness:
-          return "Whiteness of the innovations";
+          return {"Whiteness of the innovations", "no correlation in time"};
         case Conclusion::Test::independence:
-          return "Inputs and innovations";
+          return {"Inputs and innovations", "no correlation with past and present inputs"};
         case Conclusion::Test::gains:
-          return "Effects of the inputs";
+          return {"Effects of the inputs", "those of the model"};
         default:
-          return "Squared innovations";
+          return {"Squared innovations", "those that the model states"};
       }
-    };
-    const auto rule = [&]() -> const char* {
-      switch (test()) {
-        case Conclusion::Test::whiteness:
-          return "no correlation in time";
-        case Conclusion::Test::independence:
-          return "no correlation with past and present inputs";
-        case Conclusion::Test::gains:
-          return "those of the model";
-        default:
-          return "those that the model states";
-      }
-    };
-    if (check_.untested) return {subject(), "", rule()};
+    }();
+    if (check_.untested) return {subject, "", rule};
     const auto [found, needed] = decided();
-    return {subject(), found, needed};
+    return {subject, found, needed};
   }
 
   static std::string share(double value) {
