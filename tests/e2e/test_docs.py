@@ -150,16 +150,22 @@ def test_kinds_that_documents_name(table, header, start, least):
     assert re.findall(r"^\| `(\w+)` \|", text, re.MULTILINE) == names
 
 
+def fragments(source, least):
+    """(literal, words) of C++ for all words between names and numbers of a text, if there are at least so many."""
+    for literal in re.findall(r'"((?:[^"\\]|\\.)*)"', source):
+        for words in re.split(r"\{[^}]*\}", literal):
+            if len(words.split()) >= least:
+                yield literal, words.strip(" ,.:;()")
+
+
 def test_messages_can_be_searched():
     """All words of findings, between their names and numbers, are in docs/troubleshooting.md."""
     source = (ROOT / "src/base/finding.cpp").read_text().split("namespace {", 1)[1]
     page = " ".join((DOCS / "troubleshooting.md").read_text().split())
     searched = 0
-    for literal in re.findall(r'"((?:[^"\\]|\\.)*)"', re.sub(r"//.*", "", source)):
-        for words in re.split(r"\{[^}]*\}", literal):
-            if len(words.split()) >= 3:
-                assert words.strip(" ,.:;()") in page, literal
-                searched += 1
+    for literal, words in fragments(re.sub(r"//.*", "", source), least=3):
+        assert words in page, literal
+        searched += 1
     assert searched > 150
 
 
@@ -178,11 +184,9 @@ def test_remarks_of_the_reader_can_be_searched():
                     continue
                 if not of_remarks and not re.search(r"remark", statement):
                     continue
-                for literal in re.findall(r'"((?:[^"\\]|\\.)*)"', statement):
-                    for words in re.split(r"\{[^}]*\}", literal):
-                        if len(words.split()) >= 4:
-                            assert words.strip(" ,.:;()") in page, literal
-                            searched += 1
+                for literal, words in fragments(statement, least=4):
+                    assert words in page, literal
+                    searched += 1
     assert searched > 30
 
 
