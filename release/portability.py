@@ -197,8 +197,9 @@ def compare(native, crossed):
     need(max(plain) <= 1e-12, f"models of both processors differ by {max(plain):.1e}")
     need(all(found <= 10 * own for found, own in refined), f"models by EM differ by {refined}")
     found, own = max(refined)
-    return (f"{len(plain)} models agree with those of x86-64 to {max(plain):.1e}; with EM to {found:.1e}, where a rounding "
-            f"error in the outputs makes {own:.1e}")
+    return (f"{len(plain)} models differ from those of x86-64 by at most {max(plain):.1e} (relative error of pulse "
+            f"responses); with EM by at most {found:.1e}, while a rounding error in the outputs changes the pulse responses "
+            f"by {own:.1e}")
 
 
 ROWS = {  # the release, what is done there, a second architecture
