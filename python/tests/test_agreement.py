@@ -336,7 +336,7 @@ def shape_in_words(states, inputs, outputs):
 
 EXACT = {
     ("GTV-ARX coefficients of all steps, with noise", "`scipy.linalg.lstsq`"): all_coefficients,
-    ("Covariances of their residuals", "`numpy.linalg.lstsq`"): residual_covariances,
+    ("Covariances of the residuals", "`numpy.linalg.lstsq`"): residual_covariances,
     ("Pulse responses by the method of the paper, with noise", "[numpy_tokid.py](../bench/numpy_tokid.py)"):
         whole_method,
     ("ARX coefficients of six records, with noise", "`arx`"): arx_coefficients,
@@ -403,11 +403,11 @@ def tables():
         ("tokid", tokid.__version__), ("GNU Octave", versions["octave"]), ("its control package", versions["control"]),
         ("NumPy", np.__version__), ("SciPy", scipy.__version__), ("python-control", control.__version__)])]
     results = [(*name, *compare()) for name, compare in EXACT.items()]
-    yield "exact", ["| what | beside | largest difference | bound |", "| --- | --- | ---: | ---: |",
+    yield "exact", ["| result of tokid | other program | largest difference | bound |", "| --- | --- | ---: | ---: |",
                     *(f"| {what} | {other} | {found:.1e} | {bound:.1e} |" for what, other, found, bound in results)]
     rows = [(shape_in_words(*case[1:]), *excess(case)[0].T.ravel(), excess(case)[1]) for case in NOISY_CASES]
     rows.append(("median", *np.median([row[1:] for row in rows], axis=0)))
-    yield "noisy", ["| system | simulation: tokid | n4sid | one step: tokid | n4sid | expected |",
+    yield "noisy", ["| system | simulation: tokid | simulation: n4sid | one step: tokid | one step: n4sid | expected |",
                     "| --- | ---: | ---: | ---: | ---: | ---: |",
                     *(" | ".join([f"| {name}", *(f"{value:.2f}" for value in values)]) + " |"
                       for name, *values in rows)]
