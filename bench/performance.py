@@ -301,7 +301,7 @@ def noise(run, results):
                 gaps[kind] = identified(run.folder / "gaps.npz")
     results.figures["noise"] = {"sizes": [[*size, found] for size, found in measured.items()], "gaps": gaps}
 
-    rows = [["N", "T", "processor time", "", "runs", "peak memory"]]
+    rows = [["N", "T", "processor time", "spread", "runs", "peak memory"]]
     results.tables["noise"] = pad([*rows, *([*size, *cells(measured[size])] for size in sizes)])
     for symbol, some in series.items():
         done = [size for size in some if measured[size]]
@@ -309,16 +309,16 @@ def noise(run, results):
         slope = exponent([n * t for n, t in done], times) if done == some else None
         last = ["exponent", "", "-" if slope is None else f"{slope:.3f}", "", "", ""]
         results.tables[f"noise {symbol}"] = pad([*rows, *([*size, *cells(measured[size])] for size in some), last])
-        what = f"noise: exponent of {symbol}"
+        what = f"noisy data: exponent of {symbol}"
         if len(done) == len(some):
             results.target(what, slope, 1.05, at_most=True)
         else:
             results.not_measured(what, "≤ 1.05")
     words = {"random": "10 % of the samples of the outputs at random", "output": "30 % of one output",
-             "length": "ends: lengths between T / 2 and T"}
-    rows = [["missing", "processor time", "", "runs", "over complete"]]
+             "length": "ends of experiments: lengths between T / 2 and T"}
+    rows = [["missing", "processor time", "spread", "runs", "ratio to complete data"]]
     for kind, found in gaps.items():
-        what = f"noise: missing {words[kind]}, over complete"
+        what = f"noisy data: missing {words[kind]}, ratio to complete data"
         if not measured[sizes[0]]:
             rows.append([words[kind], *cells(found)[:3], "-"])
             results.not_measured(what, "≤ 5")
@@ -347,7 +347,7 @@ def numpy(run, results):
     """The example without noise, the Python package beside a batched script of NumPy."""
     sizes = [(20, 40)] if run.quick else [(50, 3200), (1000, 3200), (50, 100_000), (1000, 10_000)]
     wanted = {(50, 3200): 3, (1000, 3200): 5}
-    rows = [["", "N", "T", "processor time", "", "wall time", "over tokid"]]
+    rows = [["", "N", "T", "processor time", "spread", "wall time", "ratio to tokid"]]
     labels = {"tokid": "`tokid.identify`, with its checks and the validation", "numpy": "NumPy, the model",
               "numpy_validated": "NumPy, the model and its validation"}
     results.figures["numpy"] = []
@@ -357,21 +357,21 @@ def numpy(run, results):
         if "missing" in found:
             results.tables["numpy"] = pad([rows[0], ["not measured", *size, "", "", "", ""]])
             for other, factor in wanted.items():
-                results.not_measured(f"in process: faster than NumPy, N = {other[0]}, T = {other[1]}", f"≥ {factor}")
+                results.not_measured(f"in process: speed-up over NumPy, N = {other[0]}, T = {other[1]}", f"≥ {factor}")
             return
         for name, label in labels.items():
             first, *rest = timed(label, found["times"], name, "tokid")
             rows.append([first, *size, *rest])
         if size in wanted:
             times = medians(found["times"])
-            results.target(f"in process: faster than NumPy, N = {size[0]}, T = {size[1]}",
+            results.target(f"in process: speed-up over NumPy, N = {size[0]}, T = {size[1]}",
                            times["numpy"] / times["tokid"], wanted[size])
     results.tables["numpy"] = pad(rows)
 
 
 def beside(run, results, part, labels, reference, extra=None):
     """The table of a part of in_process.py; its times by name."""
-    head = ["", "processor time", "", "wall time", "over tokid", *([extra[0]] if extra else [])]
+    head = ["", "processor time", "spread", "wall time", "ratio to tokid", *([extra[0]] if extra else [])]
     found = run.in_process(part)
     results.figures[part] = found
     if "times" not in found:
@@ -394,7 +394,7 @@ def em(run, results):
               "dynamax": "dynamax, one model for all steps", "numpy": "NumPy, one model for all steps"}
     times = beside(run, results, "em", labels, "tokid_invariant")
     for other in ("dynamax", "numpy"):
-        what = f"EM: an iteration faster than that of {labels[other].split(',')[0]}"
+        what = f"EM: speed-up of an iteration over {labels[other].split(',')[0]}"
         if other in times:
             results.target(what, times[other] / times["tokid_invariant"], 5)
         else:
@@ -406,18 +406,19 @@ def n4sid(run, results):
     labels = {"tokid": "tokid", "tokid_no_refine": "tokid, without EM", "octave": "n4sid of Octave",
               "nfoursid": "nfoursid"}
     beside(run, results, "n4sid", labels, "tokid",
-           ("above the true Kalman filter", lambda found, name: f"{100 * found['excess'][name]:.2f} %"))
+           ("error above that of the Kalman filter", lambda found, name: f"{100 * found['excess'][name]:.2f} %"))
 
 
 def least_squares(run, results):
     found = run.benchmarks("tokid_least_squares")
     results.figures["least_squares"] = found
     dgemm = {threads: median(found[f"dgemm/threads:{threads}"]["flops"]) for threads in (1, 2)}
-    names = {"tokid": "tokid", "eigen": "Eigen HouseholderQR", "eigen_native": "the same, -march=native",
+    names = {"tokid": "tokid", "eigen": "Eigen HouseholderQR", "eigen_native": "Eigen HouseholderQR, -march=native",
              "dgels": "LAPACK dgels"}
     per_step = {}
     for case in CASES:
-        rows = [["", "threads", "time per step", "", "naive GFLOP/s", "over dgemm", "tokid faster by"]]
+        rows = [["", "threads", "time per step", "spread", "naive GFLOP/s", "ratio to dgemm",
+                 "tokid faster by a factor of"]]
         for threads in (1, 2):
             for name, label in names.items():
                 values = found[f"{case}/{name}/threads:{threads}"]
@@ -434,13 +435,13 @@ def least_squares(run, results):
         return per_step[case, name, 1] / per_step[case, "tokid", 1]
 
     naive = median(found["large/tokid/threads:1"]["naive_flops"])
-    results.target("large: naive rate over that of dgemm", naive / dgemm[1], 1.8)
-    results.target("large: faster than dgels", faster("large", "dgels"), 5)
+    results.target("large: naive rate, ratio to dgemm", naive / dgemm[1], 1.8)
+    results.target("large: speed-up over dgels", faster("large", "dgels"), 5)
     for case, wanted in (("small", 5), ("middle", 3)):
-        results.target(f"{case}: faster than Eigen, compiled alike", faster(case, "eigen"), wanted)
-        results.target(f"{case}: faster than Eigen, -march=native", faster(case, "eigen_native"), wanted)
+        results.target(f"{case}: speed-up over Eigen, compiled like tokid", faster(case, "eigen"), wanted)
+        results.target(f"{case}: speed-up over Eigen, -march=native", faster(case, "eigen_native"), wanted)
     for case in CASES:
-        results.target(f"{case}: two threads over one", per_step[case, "tokid", 1] / per_step[case, "tokid", 2], 1.8)
+        results.target(f"{case}: speed-up by two threads", per_step[case, "tokid", 1] / per_step[case, "tokid", 2], 1.8)
 
 
 def end_to_end(run, results):
@@ -464,7 +465,7 @@ def end_to_end(run, results):
     walls = {"tokid": [t["seconds"] for t in tool], "numpy": [n["seconds"] for n in numpy],
              "inside": [n["printed"]["seconds"] for n in numpy], "read": read}
     tokid = median(walls["tokid"])
-    rows = [["", "time", "", "over tokid", "peak memory"]]
+    rows = [["", "time", "spread", "ratio to tokid", "peak memory"]]
     for label, key, peak in (("tokid identify, the process", "tokid", median(t["peak_bytes"] for t in tool)),
                              ("NumPy script, the process", "numpy", median(n["peak_bytes"] for n in numpy)),
                              ("NumPy script, from file to file", "inside", None),
@@ -480,7 +481,7 @@ def stages(run, results):
     found = run.benchmarks("tokid_stages", min_time=0.1)
     results.figures["stages"] = found
     for end in ("small", "large"):
-        rows = [["stage", "one thread", "", "two threads", "share"]]
+        rows = [["function", "one thread", "spread", "two threads", "share"]]
         whole = median(found[f"{end}/identify_tvera/threads:1"]["seconds"])
         for name in found:
             if name.startswith(end + "/") and name.endswith(":1"):
@@ -530,7 +531,7 @@ def streaming(run, results):
     data.unlink()
     results.figures["streaming"] = {"file_bytes": size, "experiments": experiments, "steps": steps,
                                     "read_seconds": read, "identify": identify}
-    rows = [["", "cache", "time", "", "rate", "over reading", "peak memory"]]
+    rows = [["", "cache", "time", "spread", "rate", "ratio to plain read", "peak memory"]]
     for cache in ("cold", "warm"):
         walls = [i["seconds"] for i in identify[cache]]
         peak = max(i["peak_bytes"] for i in identify[cache])
@@ -540,7 +541,7 @@ def streaming(run, results):
             rows.append([label, cache, duration(median(values)), spread(values),
                          f"{number(size / 1e9 / median(values))} GB/s", number(ratio), memory])
         if cache == "cold":  # a file larger than memory is never in it
-            results.target("large file: rate over that of reading it", share, 0.5)
+            results.target("large file: rate, ratio to plain read", share, 0.5)
             results.target("large file: peak memory", peak / 1e6, 400, at_most=True, unit=" MB")
     results.tables["streaming"] = pad([["file", f"{size / 1e9:.2f} GB: N = {experiments}, T = {steps}, m = r = 2"]]) \
         + "\n\n" + pad(rows)
@@ -548,10 +549,10 @@ def streaming(run, results):
 
 def mpi(run, results):
     program = run.build / "bin" / "tokid-mpi"
-    rows = [["", "ranks", "time", "", "over one rank"]]
+    rows = [["", "ranks", "time", "spread", "speed-up"]]
     if not program.exists() or not shutil.which("mpirun"):
         results.tables["mpi"] = pad([*rows, ["tokid-mpi: not built", "", "", "", ""]])
-        results.targets.append(["MPI: two ranks over one", "not built", "≥ 1.7", "-"])
+        results.targets.append(["MPI: speed-up by two ranks", "not built", "≥ 1.7", "-"])
         return
     experiments, steps, channels, lags, states = (200, 600, 2, 2, 4) if run.quick else (1000, 12000, 4, 8, 8)
     data = run.folder / "mpi.h5"
@@ -568,7 +569,7 @@ def mpi(run, results):
         rows.append(["tokid-mpi identify", ranks, duration(median(seconds)), spread(seconds),
                      number(median(times[1]) / median(seconds))])
     results.tables["mpi"] = pad(rows)
-    results.target("MPI: two ranks over one", median(times[1]) / median(times[2]), 1.7)
+    results.target("MPI: speed-up by two ranks", median(times[1]) / median(times[2]), 1.7)
 
 
 PARTS = {part.__name__: part for part in (noise, numpy, em, n4sid, least_squares, end_to_end, stages, scaling,
@@ -598,12 +599,12 @@ def machine(run):
         "cores": str(len(os.sched_getaffinity(0))),
         "memory": f"{os.sysconf('SC_PAGE_SIZE') * os.sysconf('SC_PHYS_PAGES') / 1e9:.0f} GB",
         "system": f"{platform.freedesktop_os_release().get('PRETTY_NAME', '')}, Linux {platform.release()}",
-        "load before": f"{run.load:.2f}",
+        "load before the run": f"{run.load:.2f}",
         "compiler": f"{run.context['compiler']}, {build_type} {flags[1] if flags else ''}",
         "tokid": run.context["tokid"],
         "Eigen": run.context["eigen"],
         "OpenBLAS": f"{run.context['openblas'].strip()}; core type {run.context['openblas_core']}",
-        "dgemm by core type asked for": ", ".join(f"{core} {rate / 1e9:.0f} GFLOP/s" for core, rate in
+        "dgemm by requested core type": ", ".join(f"{core} {rate / 1e9:.0f} GFLOP/s" for core, rate in
                                                   run.dgemm_by_core_type.items()),
         "HDF5": h5py.version.hdf5_version,
         "NumPy": f"{np.__version__}, Python {platform.python_version()}",
