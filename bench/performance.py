@@ -357,14 +357,14 @@ def numpy(run, results):
         if "missing" in found:
             results.tables["numpy"] = pad([rows[0], ["not measured", *size, "", "", "", ""]])
             for other, factor in wanted.items():
-                results.not_measured(f"in process: speed-up over NumPy, N = {other[0]}, T = {other[1]}", f"≥ {factor}")
+                results.not_measured(f"Python package: speed-up over NumPy, N = {other[0]}, T = {other[1]}", f"≥ {factor}")
             return
         for name, label in labels.items():
             first, *rest = timed(label, found["times"], name, "tokid")
             rows.append([first, *size, *rest])
         if size in wanted:
             times = medians(found["times"])
-            results.target(f"in process: speed-up over NumPy, N = {size[0]}, T = {size[1]}",
+            results.target(f"Python package: speed-up over NumPy, N = {size[0]}, T = {size[1]}",
                            times["numpy"] / times["tokid"], wanted[size])
     results.tables["numpy"] = pad(rows)
 
