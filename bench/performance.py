@@ -357,7 +357,8 @@ def numpy(run, results):
         if "missing" in found:
             results.tables["numpy"] = pad([rows[0], ["not measured", *size, "", "", "", ""]])
             for other, factor in wanted.items():
-                results.not_measured(f"Python package: speed-up over NumPy, N = {other[0]}, T = {other[1]}", f"≥ {factor}")
+                results.not_measured(f"Python package: speed-up over NumPy, N = {other[0]}, T = {other[1]}",
+                                     f"≥ {factor}")
             return
         for name, label in labels.items():
             first, *rest = timed(label, found["times"], name, "tokid")
