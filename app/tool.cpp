@@ -194,7 +194,9 @@ std::string complaint(int argc, const char* const* argv) {
 
 // If stderr cannot be written, the error cannot be reported anywhere.
 void message(std::string_view text) {
-  const std::string line = wrapped(printable(fmt::format("tokid: {}", text)), line_columns - 2, "\n  ") + '\n';
+  const std::string whole = printable(fmt::format("tokid: {}", text));
+  // A file or another program gets each message in one line, in which it can search.
+  const std::string line = (isatty(STDERR_FILENO) != 0 ? wrapped(whole, line_columns - 2, "\n  ") : whole) + '\n';
   std::fwrite(line.data(), 1, line.size(), stderr);
 }
 

@@ -22,7 +22,7 @@ Outcome run_tool(int argc, char** argv);
 // The error message for a command line; empty if the command line is valid. The command does not run.
 std::string complaint(int argc, const char* const* argv);
 
-// On stderr. Lines after the first one are indented by two columns.
+// On stderr: one line, or on a terminal lines of at most 100 columns, of which all but the first are indented.
 void message(std::string_view text);
 
 }  // namespace tokid::app

@@ -12,24 +12,16 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def unwrapped(messages):
-    """Each message on a line of its own: the tool breaks long ones, and indents the rest."""
-    return messages.replace("\n  ", " ")
-
-
 class Tool:
     """Runs the tool and checks its exit status."""
 
     def __init__(self, executable):
         self.executable = str(executable)
 
-    def __call__(self, *arguments, status=0, raw=False, **options):
-        """`raw`: with messages as they are printed, in several lines."""
+    def __call__(self, *arguments, status=0, **options):
         result = subprocess.run([self.executable, *map(str, arguments)], stdin=subprocess.DEVNULL,
                                 capture_output=True, text=True, check=False, **options)
         assert result.returncode == status, f"{' '.join(map(str, arguments))}\n{result.stdout}{result.stderr}"
-        if not raw and isinstance(result.stderr, str):
-            result.stderr = unwrapped(result.stderr)
         return result
 
     def json(self, *arguments):

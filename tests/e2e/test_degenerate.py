@@ -11,7 +11,7 @@ import subprocess
 import h5py
 import numpy as np
 import pytest
-from conftest import ROOT, unwrapped
+from conftest import ROOT
 from support import load
 
 PAGE = ROOT / "docs" / "troubleshooting.md"
@@ -443,7 +443,7 @@ def messages(tokid, arguments):
                                           check=False)
     assert result.returncode in (0, 2), result.stderr
     assert (result.returncode == 2) == ("warning: " not in result.stderr and result.stderr != "")
-    lines = [line.removeprefix("tokid: ").removeprefix("warning: ") for line in unwrapped(result.stderr).splitlines()]
+    lines = [line.removeprefix("tokid: ").removeprefix("warning: ") for line in result.stderr.splitlines()]
     lines = [re.sub(r"^\S*/(data|fresh)\.(npz|csv): ", "", line) for line in lines]
     return [re.sub(r"^'\S*/data\.csv'", "'data.csv'", line) for line in lines]
 

@@ -11,6 +11,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+import textwrap
 from itertools import zip_longest
 
 import pytest
@@ -29,7 +30,11 @@ def run(tokid, command, folder):
     result = subprocess.run([*program, *arguments], cwd=folder, stdin=subprocess.DEVNULL, text=True,
                             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False,
                             env={**os.environ, "LC_ALL": "C.UTF-8"})
-    return result.returncode, [line.rstrip() for line in result.stdout.splitlines()]
+    # On a terminal, the tool breaks messages.
+    return result.returncode, [part for line in result.stdout.splitlines()
+                               for part in ([line.rstrip()] if not line.startswith("tokid: ") else
+                                            textwrap.wrap(line, 100, subsequent_indent="  ", break_long_words=False,
+                                                          break_on_hyphens=False))]
 
 
 def blocks_of(text):

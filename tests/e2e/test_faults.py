@@ -16,7 +16,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from conftest import unwrapped
 from faults import UNCOUNTED, dying_at, failing_at, room, without_unnamed_files
 from support import leftovers, links, write_ensemble
 
@@ -203,7 +202,7 @@ def test_two_at_once_where_files_must_have_names(tokid, campaign, tmp_path):
 
 def refused(result, scene, reason):
     assert result.returncode == 1, result.stderr
-    (line,) = unwrapped(result.stderr).splitlines()
+    (line,) = result.stderr.splitlines()
     assert line.startswith("tokid: ") and reason in line and any(name in line for name in scene.written)
 
 
@@ -233,7 +232,7 @@ def test_no_memory_to_write(tokid, tmp_path, output):
             break
         assert not (tmp_path / output).exists() and leftovers(tmp_path) == []
         if result.returncode == 1 and output in result.stderr:
-            assert f"{output}: can't be written" in unwrapped(result.stderr), result.stderr
+            assert f"{output}: can't be written" in result.stderr, result.stderr
             found["written"] += 1
         else:
             assert output not in result.stderr, result.stderr
@@ -308,7 +307,7 @@ def test_a_folder_that_vanishes(tokid, campaign, tmp_path):
     os.rmdir(tmp_path / "gone")
     _, errors = process.communicate()
     assert process.returncode == 1, errors
-    assert "out.h5: can't be written: No such file or directory" in unwrapped(errors)
+    assert "out.h5: can't be written: No such file or directory" in errors
 
 
 # ---- files that change while they are read ----
@@ -353,7 +352,7 @@ def test_files_that_become_shorter_while_they_are_read(tokid, large, tmp_path, n
             assert out.read_bytes() == whole
         else:
             assert process.returncode == 2 and not out.exists()
-            (line,) = unwrapped(errors).splitlines()
+            (line,) = errors.splitlines()
             assert line.startswith(f"tokid: {file}: ")
     print(f"{name}: {dict(tally)}, {seconds:.3f} s")
     assert tally[2] > 0

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 import scipy.io
 
-from conftest import unwrapped
 from support import write_ensemble
 
 FORMATS = {"npz": ("data.npz",), "h5": ("data.h5",), "mat": ("data.mat",), "mat73": ("data.mat", "--mat73"),
@@ -46,8 +45,8 @@ def read(tokid, path):
     if result.returncode == 0:
         content = out.read_bytes()
         out.unlink()
-        return None if f"'{path}' does not match its line" in unwrapped(result.stderr) else content
-    assert result.returncode == 2 and len(unwrapped(result.stderr).splitlines()) == 1, result.stderr
+        return None if f"'{path}' does not match its line" in result.stderr else content
+    assert result.returncode == 2 and len(result.stderr.splitlines()) == 1, result.stderr
     assert path.name in result.stderr
     return None
 

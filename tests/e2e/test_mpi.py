@@ -13,7 +13,6 @@ import h5py
 import numpy as np
 import pytest
 
-from conftest import unwrapped
 from faults import dying_at
 from support import leftovers, links, markov, write_ensemble
 
@@ -40,7 +39,7 @@ def mpi(processes, *arguments):
 
 def said_by_tokid(errors):
     """Open MPI 5 ends messages of its own with a zero byte, in front of the next line."""
-    return [line for line in (line.strip("\0 ") for line in unwrapped(errors).splitlines()) if line.startswith("tokid: ")]
+    return [line for line in (line.strip("\0 ") for line in errors.splitlines()) if line.startswith("tokid: ")]
 
 
 @pytest.mark.parametrize("noise, options", [(0.0, ["--block", "70"]), (0.1, ["--block", "300", "--lags", "2", "--states", "2", "--no-refine"])],
@@ -141,7 +140,7 @@ def test_an_error_of_one_process_ends_all(tmp_path):
         file["y"][3, 500, 0] = np.inf
     result = mpi(2, "identify", data, "-o", tmp_path / "model.h5", "--block", 70, "--lags", 2)
     assert result.returncode == 2
-    assert "infinite value in experiment 3 at step 500" in unwrapped(result.stderr)
+    assert "infinite value in experiment 3 at step 500" in result.stderr
     assert not (tmp_path / "model.h5").exists()
     assert leftovers(tmp_path) == []
 

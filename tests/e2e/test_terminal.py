@@ -227,6 +227,18 @@ def test_progress_names_stages_and_tells_of_the_first_model(tokid, tmp_path):
     assert not (tmp_path / "model.npz").exists()
 
 
+def test_messages_are_broken_in_a_terminal(tokid, tmp_path):
+    data = tmp_path / "data.npz"
+    tokid("example", "oscillator", "-o", data, "--experiments", 8, "--steps", 20, "--measurement-noise", 0.1)
+    call = ["identify", data, "-o", tmp_path / "model.npz", "--quiet"]
+    said = tokid(*call).stderr
+    assert any(len(line) > 100 for line in said.splitlines())
+    status, _, shown = run_in_terminal([tokid.executable, *call])
+    lines = shown.splitlines()
+    assert status == 0 and all(len(line) <= 100 and line.startswith(("tokid: warning: ", "  ")) for line in lines)
+    assert "\n".join(lines).replace("\n  ", " ") == said.rstrip("\n")
+
+
 def test_no_progress_bar_elsewhere(tokid, tmp_path, long_work):
     result = tokid("identify", long_work, "-o", tmp_path / "model.npz", *IDENTIFY_LONG)
     assert "\r" not in result.stderr and "[#" not in result.stderr

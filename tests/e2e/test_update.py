@@ -11,7 +11,6 @@ import h5py
 import numpy as np
 import pytest
 
-from conftest import unwrapped
 from support import markov
 
 
@@ -280,15 +279,7 @@ def rounds(tokid, tmp_path):
 def update_at_once(tokid, state, parts, *options):
     calls = [subprocess.Popen([tokid.executable, "update", str(state), str(part), "--quiet", *map(str, options)],
                               stderr=subprocess.PIPE, text=True) for part in parts]
-    return [(unwrapped(call.communicate(timeout=120)[1]), call.returncode) for call in calls]
-
-
-def first_message(call):
-    """It says how many seconds the call waits at most."""
-    text = call.stderr.readline()
-    while not text.endswith(" s\n"):
-        text += call.stderr.readline()
-    return unwrapped(text)
+    return [(call.communicate(timeout=120)[1], call.returncode) for call in calls]
 
 
 def hidden(folder):
@@ -361,7 +352,7 @@ def test_an_update_waits_for_another_one_and_says_so(tokid, held):
     assert state.read_bytes() == before and not (folder / "m.npz").exists()
     waiting = subprocess.Popen([tokid.executable, "update", str(state), str(parts[0]), "--quiet"],
                                stderr=subprocess.PIPE, text=True)
-    assert "waiting for up to 60 s" in first_message(waiting)
+    assert "waiting for up to 60 s" in waiting.stderr.readline()
     holder.kill()  # nothing of its lock outlives it
     assert waiting.wait(timeout=30) == 0 and waiting.stderr.read() == ""
     waiting.stderr.close()
@@ -375,7 +366,7 @@ def test_identify_does_not_replace_a_state_that_is_updated(tokid, held):
     before = (folder / "state.h5").read_bytes()
     call = subprocess.Popen([tokid.executable, "identify", str(parts[0]), "-o", str(folder / "new.npz"), "--state",
                              str(folder / "state.h5"), "--no-refine", "--quiet"], stderr=subprocess.PIPE, text=True)
-    assert "process 17 on rig has locked the file; waiting" in first_message(call)
+    assert "process 17 on rig has locked the file; waiting" in call.stderr.readline()
     assert (folder / "state.h5").read_bytes() == before and not (folder / "new.npz").exists()
     holder.kill()
     call.communicate(timeout=60)
@@ -409,7 +400,7 @@ def test_a_model_that_refines_itself_is_locked(tokid, rounds):
         copy.write_bytes(content)
         os.replace(copy, model)
     _, said = busy.communicate()
-    assert busy.returncode == 2 and "another program has changed the file" in unwrapped(said)
+    assert busy.returncode == 2 and "another program has changed the file" in said
     assert model.read_bytes() == content
 
 

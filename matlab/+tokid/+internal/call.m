@@ -25,9 +25,7 @@ else
 end
 
 output = tokid.internal.read_text(out);
-% The lines of a message after its first one are indented.
-said = regexprep(tokid.internal.read_text(err), '\r?\n  (?=\S)', ' ');
-lines = regexp(said, '[^\r\n]+', 'match');
+lines = regexp(tokid.internal.read_text(err), '[^\r\n]+', 'match');
 for i = 1:size(files, 1)
   lines = strrep(lines, files{i, 1}, files{i, 2});
 end
