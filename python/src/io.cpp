@@ -12,6 +12,14 @@ namespace {
 using Path = std::filesystem::path;
 
 void bind_read_options(nb::module_& module) {
+  nb::enum_<ResampleMethod>(module, "ResampleMethod")
+      .value("linear", ResampleMethod::linear)
+      .value("previous", ResampleMethod::previous)
+      .value("mean", ResampleMethod::mean);
+  nb::enum_<DateOrder>(module, "DateOrder")
+      .value("automatic", DateOrder::automatic)
+      .value("day_first", DateOrder::day_first)
+      .value("month_first", DateOrder::month_first);
   using Options = ReadOptions;
   nb::class_<Options>(module, "ReadOptions")
       .def(nb::init<>())
@@ -25,30 +33,8 @@ void bind_read_options(nb::module_& module) {
       .def_rw("resample", &Options::resample, nb::arg().none())
       .def_rw("longest_gap", &Options::longest_gap, nb::arg().none())
       .def_rw("dt", &Options::dt, nb::arg().none())
-      .def_prop_rw(
-          "dates",
-          [](const Options& o) {
-            return o.dates == DateOrder::day_first     ? "day-first"
-                   : o.dates == DateOrder::month_first ? "month-first"
-                                                       : "";
-          },
-          [](Options& o, const std::string& word) {
-            o.dates = word == "day-first"     ? DateOrder::day_first
-                      : word == "month-first" ? DateOrder::month_first
-                                              : DateOrder::automatic;
-          })
-      .def_prop_rw(
-          "resample_method",
-          [](const Options& o) {
-            return o.resample_method == ResampleMethod::mean       ? "mean"
-                   : o.resample_method == ResampleMethod::previous ? "previous"
-                                                                   : "linear";
-          },
-          [](Options& o, const std::string& word) {
-            o.resample_method = word == "mean"       ? ResampleMethod::mean
-                                : word == "previous" ? ResampleMethod::previous
-                                                     : ResampleMethod::linear;
-          });
+      .def_rw("dates", &Options::dates)
+      .def_rw("resample_method", &Options::resample_method);
 }
 
 }  // namespace

@@ -164,8 +164,8 @@ def test_datasets():
 @pytest.mark.parametrize(
     "options, text",
     [
-        ({"dates": "iso"}, "dates: 'iso' found, 'day-first' or 'month-first' needed"),
-        ({"resample_method": "cubic"}, "resample_method: 'cubic' found, one of linear, previous, mean needed"),
+        ({"dates": "iso"}, "dates: 'iso' found, one of 'day-first', 'month-first' needed"),
+        ({"resample_method": "cubic"}, "resample_method: 'cubic' found, one of 'linear', 'previous', 'mean' needed"),
         ({"trigger": "valve"}, "trigger: 'valve' found, a column, one of > >= < <= == != and a number needed"),
         ({"before": 2}, "before: no trigger found"),
         ({"resample": -1.0}, "resample: "),

@@ -20,7 +20,12 @@ from . import _dataframe, _options, _tokid
 from ._channels import channel_texts
 from ._samples import describe, experiment_names
 
-METHODS = ("linear", "previous", "mean")
+METHODS = {
+    "linear": _tokid.ResampleMethod.linear,
+    "previous": _tokid.ResampleMethod.previous,
+    "mean": _tokid.ResampleMethod.mean,
+}
+DATES = {"day-first": _tokid.DateOrder.day_first, "month-first": _tokid.DateOrder.month_first}
 
 
 def read_options(
@@ -42,22 +47,19 @@ def read_options(
     for name, words in (("inputs", inputs), ("outputs", outputs), ("missing", missing)):
         if isinstance(words, str):
             raise ValueError(f"{name}: {words!r} found, a list of texts needed")
-    if dates not in (None, "day-first", "month-first"):
-        raise ValueError(f"dates: {dates!r} found, 'day-first' or 'month-first' needed")
-    if resample_method not in METHODS:
-        raise ValueError(f"resample_method: {resample_method!r} found, one of {', '.join(METHODS)} needed")
     options = _tokid.ReadOptions()
     options.inputs = [str(name) for name in inputs or ()]
     options.outputs = [str(name) for name in outputs or ()]
     options.outputs_required = bool(outputs_required)
     options.time = time or ""
     options.missing = [str(word) for word in missing]
-    options.dates = dates or ""
+    if dates is not None:
+        options.dates = _options.choice("dates", dates, DATES)
     options.dt = None if dt is None else _options.real("dt", dt, 0.0)
     options.trigger = trigger or ""
     options.before = _options.integer("before", before, 0)
     options.resample = None if resample is None else _options.real("resample", resample, 0.0)
-    options.resample_method = resample_method
+    options.resample_method = _options.choice("resample_method", resample_method, METHODS)
     options.longest_gap = None if longest_gap is None else _options.integer("longest_gap", longest_gap, 1)
     return options
 
