@@ -4,10 +4,10 @@
 import json
 import re
 import shlex
+from functools import lru_cache
 
 import numpy as np
 import pytest
-
 
 COLUMNS = 100
 
@@ -21,6 +21,12 @@ def folder(tokid, tmp_path_factory):
         tokid("example", "oscillator", "-o", path / f"{name}.npz", "--experiments", count, "--seed", seed, *noise)
     tokid("identify", "data.npz", "-o", "model.npz", "--quiet", cwd=path)
     return path
+
+
+@pytest.fixture(scope="module")
+def printed(tokid, folder):
+    """Runs a call in the folder once, whichever tests look at what it printed."""
+    return lru_cache(None)(lambda *call: tokid(*call, cwd=folder))
 
 
 def rows(text):
@@ -72,9 +78,9 @@ CALLS = {
 
 
 @pytest.mark.parametrize("call", CALLS.values(), ids=CALLS)
-def test_reports_have_narrow_lines(tokid, folder, call):
+def test_reports_have_narrow_lines(printed, call):
     for more in [[], ["--verbose"]] if call[0] != "report" else [[]]:
-        result = tokid(*call, *more, cwd=folder)
+        result = printed(*call, *more)
         assert result.stdout.count("\n") > 2
         assert_narrow(result.stdout)
 
@@ -190,15 +196,15 @@ def test_one_verdict(tokid, folder):
     assert " ".join(sentences).split(". ")[0] in page
 
 
-def test_more_experiments_are_next_where_they_are_few(tokid, folder):
-    text = tokid("identify", "few.npz", "-o", "other.npz", cwd=folder).stdout
+def test_more_experiments_are_next_where_they_are_few(printed):
+    text = printed("identify", "few.npz", "-o", "other.npz").stdout
     assert rows(text)["Verdict"].startswith("look closer. ")
     assert next_command(text)[0] == "plan"
 
 
-def test_verbose_has_the_details(tokid, folder):
+def test_verbose_has_the_details(printed):
     call = ["identify", "data.npz", "-o", "other.npz"]
-    brief, verbose = tokid(*call, cwd=folder).stdout, tokid(*call, "--verbose", cwd=folder).stdout
+    brief, verbose = printed(*call).stdout, printed(*call, "--verbose").stdout
     assert 2 * len(brief.splitlines()) <= len(verbose.splitlines())
     assert [*rows(brief)][-3:] == ["Written", "Verdict", "Next"]
     assert {"Lag order", "States", "Smoothing", "Refinement", "Fit"} <= set(rows(brief))
@@ -206,15 +212,16 @@ def test_verbose_has_the_details(tokid, folder):
     assert "Feedthrough" in rows(verbose) and "Initial state" in rows(verbose)
 
 
-def test_warnings_do_not_depend_on_verbosity(tokid, folder):
+def test_warnings_do_not_depend_on_verbosity(printed):
     call = ["identify", "few.npz", "-o", "other.npz"]
-    said = [tokid(*call, *more, cwd=folder).stderr for more in ([], ["--verbose"], ["--quiet"])]
+    said = [printed(*call, *more).stderr for more in ([], ["--verbose"], ["--quiet"])]
     assert said[0].startswith("tokid: warning: ") and said[0] == said[1] == said[2]
 
 
-def test_each_message_is_one_line_where_no_terminal_reads_it(tokid, folder):
-    said = tokid("identify", "few.npz", "-o", "other.npz", cwd=folder).stderr.splitlines()
-    warnings = tokid.json("identify", folder / "few.npz", "-o", folder / "other.npz")["warnings"]
+def test_each_message_is_one_line_where_no_terminal_reads_it(printed):
+    call = ["identify", "few.npz", "-o", "other.npz"]
+    said = printed(*call).stderr.splitlines()
+    warnings = json.loads(printed(*call, "--json").stdout)["warnings"]
     assert said == [f"tokid: warning: {text}" for text in warnings] and any(len(line) > 100 for line in said)
 
 
