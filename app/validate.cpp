@@ -37,6 +37,14 @@ void add_table(const Call& call, const Model& model, const Validation& v, Vector
   page.table(heading, rows);
 }
 
+// Fits of models with different nominal values are not comparable, so the reference is stated.
+void add_reference_of_fit(const Model& model, Page& page) {
+  if (model.y_nominal.rows() == 0) return;
+  const bool constant = (model.y_nominal.rowwise() - model.y_nominal.row(0)).isZero(0);
+  page.row("", constant ? "0 % is as good as the constant nominal outputs of the model"
+                        : "0 % is as good as the nominal trajectory of the model");
+}
+
 // "4 in all folds", "4 in 3 folds, 5 in 2"
 std::string counts(const CrossValidation& cross, Index Fold::*number) {
   std::map<Index, int> folds;
@@ -118,6 +126,7 @@ std::string report(const Call& call, const Model& model, const Ensemble& data, c
   page.row("Data", call.data.string());
   page.row("", describe(data));
   add_table(call, model, v, &Fit::fit, percent, "Fit", page);
+  add_reference_of_fit(model, page);
   if (call.verbose) add_errors(call, model, v, page);
   if (any_outlying(found.fits) || (call.verbose && v.noisy)) add_experiments(model, data, found, page);
   if (call.verbose) add_tests(model, v, page);

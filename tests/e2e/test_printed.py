@@ -225,6 +225,22 @@ def test_each_message_is_one_line_where_no_terminal_reads_it(printed):
     assert said == [f"tokid: warning: {text}" for text in warnings] and any(len(line) > 100 for line in said)
 
 
+@pytest.mark.parametrize(("motion", "options", "reference"), [
+    (0, [], None),
+    (5 * np.sin(np.arange(40) / 4), ["--nominal", "mean"], "0 % is as good as the nominal trajectory of the model"),
+    (5, ["--period", 1, "--nominal", "mean"], "0 % is as good as the constant nominal outputs of the model"),
+])
+def test_fits_state_their_reference(tokid, folder, tmp_path, motion, options, reference):
+    with np.load(folder / "data.npz") as file:
+        arrays = {name: file[name] for name in file.files}
+    arrays["y"] = arrays["y"] + np.broadcast_to(motion, 40)[:, None]
+    np.savez(tmp_path / "moved.npz", **arrays)
+    tokid("identify", "moved.npz", "-o", "m.npz", "--lags", 2, "--states", 4, "--no-refine", *options, cwd=tmp_path)
+    fits = rows(tokid("validate", "m.npz", "moved.npz", cwd=tmp_path).stdout)["Fit"].splitlines()
+    assert len(fits) == 3 + (reference is not None)
+    assert reference is None or fits[-1] == reference
+
+
 def test_no_json_for_people(tokid, folder):
     tokid("identify", "data.npz", "-o", "options.npz", "--states", 4, "--hold-out", 0.25, "--outliers", "drop",
           "--report", "options.html", cwd=folder)
