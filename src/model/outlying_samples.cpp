@@ -89,6 +89,8 @@ OutlyingSampleCollector::OutlyingSampleCollector(const Model& model, const Ensem
     : model_(model),
       data_(data),
       initial_state_(options.initial_state),
+      begins_anywhere_(has_initial_estimate(
+          model, options.initial_state.value_or(data.initial_state.value_or(model.initial_state)))),
       spread_(output_spread(model, data)),
       window_(estimation_window(model)),
       shown_(1 + ceil_div(model.states(), std::max<Index>(1, model.outputs))),
@@ -135,9 +137,9 @@ void OutlyingSampleCollector::collect(Index k, const Matrix& innovation) {
     if (innovation.row(n).array().isNaN().all()) {
       if (gap >= 0) ++gap;
     } else {
-      // If samples before the first prediction are missing, the other samples may determine an unknown state only
-      // weakly.
-      const bool begins = gap < 0 && data_.samples().row(n).head(k * data_.channels()).hasNaN();
+      // The first predictions from the mean of unknown initial states have the errors of this mean. If samples before
+      // the first prediction are missing, the other samples may determine an unknown state only weakly.
+      const bool begins = gap < 0 && (begins_anywhere_ || data_.samples().row(n).head(k * data_.channels()).hasNaN());
       if (begins || gap > 1) restarts_.back().push_back(n);
       gap = 0;
     }
