@@ -66,6 +66,8 @@ void add_report(CLI::App& tool) {
   command.columns(call->read);
   command.number<Index>("--horizon", call->options.horizon, "H", "Steps ahead of the multi-step fit (default 10)", 1,
                         1'000'000);
+  command.number<Index>("--from", call->options.first_step, "STEP",
+                        "First step of the fits, for example after a start that no model can know", 0, 1'000'000'000);
   command.number<Index>("--experiments", call->options.experiments, "N",
                         "Experiments in the plots, at most (default 24)", 1, 1000);
   command.files("--compare", call->compare, "Other models of the same channels, to compare on the page");

@@ -68,6 +68,7 @@ void bind_report(nb::module_& module) {
       .def_rw("model_name", &ReportOptions::model_name)
       .def_rw("data_name", &ReportOptions::data_name)
       .def_rw("horizon", &ReportOptions::horizon)
+      .def_rw("first_step", &ReportOptions::first_step)
       .def_rw("initial_state", &ReportOptions::initial_state, nb::for_setter(nb::arg().none()))
       .def_rw("experiments", &ReportOptions::experiments)
       .def_rw("compare", &ReportOptions::compare)

@@ -287,7 +287,8 @@ def test_fits_of_experiments_and_steps(model, data):
     assert late.one_step.samples == len(data.y) * (data.y.shape[1] - 5)
     cross = model.cross_validate(data, folds=2, first_step=5)
     assert cross.one_step.samples == late.one_step.samples
-    for call in (model.validate, model.experiment_fits, model.cross_validate):
+    assert model.report(data, first_step=5).checks[0].figures[0].values == list(late.simulation.fit)
+    for call in (model.validate, model.experiment_fits, model.cross_validate, model.report):
         with pytest.raises(ValueError, match="first_step: 30 found, 0 to 29 needed"):
             call(data, first_step=30)
 

@@ -810,6 +810,7 @@ class Model(StateSpace):
         horizon: int = 10,
         experiments: int = 24,
         initial_state: str = "auto",
+        first_step: int = 0,
         model_name: str = "model",
         data_name: str = "data",
         compare: Optional[Mapping[str, Model]] = None,
@@ -831,6 +832,8 @@ class Model(StateSpace):
             Largest number of experiments in the plots.
         initial_state : {"auto", "zero", "unknown"}, default "auto"
             States at step 0.
+        first_step : int, default 0
+            First step of the fits, for example after a start that no model can know.
         model_name, data_name : str
             Names on the page.
         compare : mapping from str to Model, optional
@@ -854,6 +857,7 @@ class Model(StateSpace):
         data, _ = self._data(u, y, outputs=True)
         options = _options.page(model_name, data_name, horizon, experiments)
         options.initial_state = _options.initial_state(initial_state)
+        options.first_step = _options.integer("first_step", first_step, 0)
         options.compare = [_tokid.NamedModel(str(name), other._core) for name, other in (compare or {}).items()]
         options.at = [_options.integer("at", step, 0) for step in (() if at is None else at)]
         identified = None

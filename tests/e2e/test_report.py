@@ -62,6 +62,26 @@ def test_page_and_validate_tell_one_number_of_each_test(tokid, tmp_path, seed):
     assert silent == (not reasons and not {"against", "negligible"} & {c["result"] for c in conclusions.values()})
 
 
+def test_fits_of_a_page_begin_at_a_step(tokid, tmp_path):
+    files = [tmp_path / name for name in ("data.npz", "fresh.npz")]
+    for seed, file in enumerate(files):
+        tokid("example", "oscillator", "-o", file, "--experiments", 40, "--steps", 40, "--seed", 3 + seed,
+              "--measurement-noise", 0.05)
+    model, page = tmp_path / "model.npz", tmp_path / "page.html"
+    tokid("identify", files[0], "-o", model, "--lags", 2, "--states", 4, "--no-refine")
+    with np.load(files[1]) as file:
+        arrays = {name: file[name] for name in file.files}
+    arrays["y"][:, :3] += 10
+    np.savez(files[1], **arrays)
+    summary = {}
+    for begin in (0, 12):
+        found = tokid.json("report", model, files[1], "-o", page, "--from", begin)
+        summary[begin] = tokid.json("validate", model, files[1], "--from", begin)["verdict"]
+        assert summary[begin].items() <= found.items()
+        assert ("The fits begin at step 12." in page.read_text()) == (begin == 12)
+    assert summary[0] != summary[12]
+
+
 def test_identify_reports_on_what_it_held_out(tokid, oscillator, tmp_path):
     page, later = tmp_path / "page.html", tmp_path / "later.HTM"
     tokid("identify", oscillator / "data.npz", "-o", tmp_path / "model.npz", "--hold-out", 0.2, "--report", page)
