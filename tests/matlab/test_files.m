@@ -39,7 +39,7 @@ function case_ensembles_in_mat73_come_back()
 data = full_ensemble();
 tokid.write('a.mat', data, 'mat73', true);
 assert(isequaln(orderfields(tokid.read('a.mat')), orderfields(data)));
-throws('tokid:option', '--mat73', @() tokid.write('a.npz', data, 'mat73', true));
+throws('tokid:option', '''mat73''', @() tokid.write('a.npz', data, 'mat73', true));
 end
 
 function case_names_of_experiments()
@@ -185,4 +185,31 @@ end
 function case_libraries_of_matlab_are_left_out()
 assert(strcmp(tokid.internal.without('/m/R1/bin:/usr/lib:/m/R1:/m/R10/x', '/m/R1', ':'), '/usr/lib:/m/R10/x'));
 assert(isempty(tokid.internal.without('', '/m/R1', ':')));
+end
+
+function case_structs_saved_as_variables()
+model = small_model();
+data = tokid.example_data('oscillator', 'experiments', 4, 'steps', 12);
+save('-v7', 'mm.mat', 'model');
+save('-v7', 'dd.mat', 'data');
+throws('tokid:input', 'The variable ''model'' of mm.mat is a struct, but its fields must be the variables of the file', ...
+       @() tokid.validate('mm.mat', data));
+throws('tokid:input', 'Write it by tokid.write(''dd.mat'', data), or by save with the option ''-struct''', ...
+       @() tokid.validate(model, 'dd.mat'));
+tokid.write('dd.mat', data);
+save('-v7', 'mm.mat', '-struct', 'model');
+evidence = tokid.validate('mm.mat', 'dd.mat');
+assert(evidence.experiments == 4);
+end
+
+function case_messages_in_the_terms_of_matlab()
+said = {'--output-weight: 4 numbers found', 'option ''output_weight'': 4 numbers found'; ...
+        'State --period P, or --no-refine', 'State ''period'' P, or ''refine'', false'; ...
+        'try one; see ''tokid lqr --help''', 'try one; see ''help tokid.lqr'''; ...
+        '--help.npz: no such file', '--help.npz: no such file'; ...
+        './--x/a b--c: no such file', './--x/a b--c: no such file'};
+for i = 1:size(said, 1)
+  found = tokid.internal.in_matlab(said{i, 1});
+  assert(strcmp(found, said{i, 2}), found);
+end
 end

@@ -271,6 +271,6 @@ assert(isequaln(tokid.predict('model.npz', 'data.npz', 'horizon', 2), expected.y
 cells = tokid.predict(model, {data.u(1, :)', data.u(2, 1:9)'}, {data.y(1, :)', data.y(2, 1:9)'}, 'horizon', 2, ...
                       'initial_state', 'unknown');
 assert(isequal(size(cells{2}), [9, 1]) && isequaln(cells{1}, expected.y(1, :)'));
-throws('tokid:option', '--horizon: ''0'' found', @() tokid.predict(model, data, 'horizon', 0));
+throws('tokid:option', 'option ''horizon'': ''0'' found', @() tokid.predict(model, data, 'horizon', 0));
 throws('tokid:input', 'data: inputs: 2 found, the model has 1', @() tokid.predict(model, ones(3, 15, 2), ones(3, 15)));
 end

@@ -30,9 +30,9 @@ for i = 1:size(files, 1)
   lines = strrep(lines, files{i, 1}, files{i, 2});
 end
 warned = strncmp(lines, 'tokid: warning: ', 16);
-warnings = strrep(lines(warned), 'tokid: warning: ', '');
+warnings = cellfun(@tokid.internal.in_matlab, strrep(lines(warned), 'tokid: warning: ', ''), 'UniformOutput', false);
 if status ~= 0
-  complain(status, tool, lines(~warned));
+  complain(status, tool, lines(~warned), words, folder);
 end
 for i = 1:numel(warnings)
   warning(['tokid:', words{1}], '%s', warnings{i});
@@ -43,18 +43,41 @@ function status = run(command)
 [status, ~] = system(command);
 end
 
-function complain(status, tool, lines)
+function complain(status, tool, lines, words, folder)
 said = find(strncmp(lines, 'tokid: ', 7), 1, 'last');
 if isempty(said) || ~any(status == [1, 2])
   error('tokid:tool', '%s', strjoin([{sprintf('%s ended with status %d', tool, status)}, lines], '; '));
 end
-text = lines{said}(8:end);
+said = lines{said}(8:end);
+text = tokid.internal.in_matlab(said);
 if status == 1
   error('tokid:failed', '%s', text);
-elseif ~isempty(regexp(text, '^--|; see ''tokid [a-z]+ --help''$', 'once'))
+elseif ~isempty(regexp(said, '^--|; see ''tokid [a-z]+ --help''$', 'once'))
   error('tokid:option', '%s', text);
 end
-error('tokid:input', '%s', text);
+error('tokid:input', '%s%s', text, advice(words, folder));
+end
+
+function text = advice(words, folder)
+% A .mat that `save(file, 'model')` has written holds the whole struct as one variable.
+text = '';
+for i = 1:numel(words)
+  word = words{i};
+  if numel(word) > 4 && strcmpi(word(end - 3:end), '.mat') && ~strncmp(word, folder, numel(folder)) && ...
+     exist(word, 'file') == 2
+    try
+      found = whos('-file', word);
+    catch
+      continue % what Octave can't read
+    end
+    if numel(found) == 1 && strcmp(found.class, 'struct')
+      text = sprintf(['. The variable ''%s'' of %s is a struct, but its fields must be the variables of the file. ' ...
+                      'Write it by tokid.write(''%s'', %s), or by save with the option ''-struct'''], ...
+                     found.name, word, word, found.name);
+      return
+    end
+  end
+end
 end
 
 function text = environment()

@@ -45,8 +45,8 @@ if isfield(data, 'y')
   data.y = samples('y', data.y);
   if size(data.y, 1) ~= size(data.u, 1) || size(data.y, 2) ~= size(data.u, 2)
     error('tokid:shape', ['y: %s found beside u of %s, the same experiments and steps needed (N x T x channels; ' ...
-                          'a single record is 1 x T x channels, or a cell of T x channels)'], ...
-          shape(data.y), shape(data.u));
+                          'a single record is 1 x T x channels, or a cell of T x channels)%s'], ...
+          shape(data.y), shape(data.u), other_order(data.u, data.y));
   end
 end
 if size(data.u, 2) == 1 && size(data.u, 1) > 1 && ~isfield(data, 'length')
@@ -84,6 +84,23 @@ if isfield(data, 'initial_state')
     error('tokid:option', 'initial_state: %s found, ''zero'' or ''unknown'' needed', described(value));
   end
   data.initial_state = value;
+end
+end
+
+function text = other_order(u, y)
+% The calls that bring the axes into order, if the last axis may be that of the experiments or steps.
+text = '';
+if ndims(u) == 3 && ndims(y) == 3 && isequal([size(u, 1), size(u, 3)], [size(y, 1), size(y, 3)])
+  text = ['. If the order is T x channels x N, swap the axes by u = permute(u, [3 1 2]) and y = permute(y, [3 1 2]). ' ...
+          'If it is N x channels x T, by permute(u, [1 3 2]) and permute(y, [1 3 2])'];
+elseif ndims(u) == 2 && ndims(y) == 3 && isequal(size(u), [size(y, 1), size(y, 3)]) %#ok<ISMAT>
+  text = ['. If the orders are T x N and T x channels x N, swap the axes by u = permute(u, [2 1]) and ' ...
+          'y = permute(y, [3 1 2]). If y is N x channels x T, by y = permute(y, [1 3 2])'];
+elseif ndims(u) == 3 && ndims(y) == 2 && isequal(size(y), [size(u, 1), size(u, 3)]) %#ok<ISMAT>
+  text = ['. If the orders are T x channels x N and T x N, swap the axes by u = permute(u, [3 1 2]) and ' ...
+          'y = permute(y, [2 1]). If u is N x channels x T, by u = permute(u, [1 3 2])'];
+elseif ndims(u) == 2 && ndims(y) == 2 && size(u, 1) == size(y, 1) %#ok<ISMAT>
+  text = '. If they are one record of T x channels, give {u} and {y}';
 end
 end
 

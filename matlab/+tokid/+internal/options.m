@@ -24,7 +24,7 @@ for i = 1:2:numel(pairs)
     if i == numel(pairs) && any(strcmp(name, others))
       error('tokid:option', '%s: option ''%s'' has no value', command, name);
     end
-    error('tokid:option', '%s: option ''%s'' found, one of %s needed', command, name, ...
+    error('tokid:option', '%s: option ''%s'' found, one of %s needed', command, char(pairs{i}), ...
           strjoin(unique([known(:, 1)', others]), ', '));
   end
   if i == numel(pairs)
