@@ -3,10 +3,12 @@ function data = ensemble(u, y, varargin)
 %
 %   data = tokid.ensemble(u, y)
 %   data = tokid.ensemble(u, y, 'dt', 0.01, 'output_names', {'angle', 'rate'}, ...)
+%   data = tokid.ensemble(z)     an iddata object, also of several experiments
 %
 % u is N x T x r and y is N x T x m: N experiments of T steps with r inputs and m outputs. With one input, u is N x T.
 % NaN marks a missing sample. Cells {u1, u2, ...} and {y1, y2, ...} of T_i x r and T_i x m hold experiments of unequal
-% length, or a single record. Without outputs, y is [].
+% length, or a single record. Without outputs, y is []. Logs of T x channels x N need u = permute(u, [3 1 2]) and
+% y = permute(y, [3 1 2]); a T x N matrix of one channel needs its transpose.
 %
 %   'dt'              sample time [s] (default that of the model or state beside the data, else 1 and a warning)
 %   'length'          N valid samples of each experiment; the rest is ignored
@@ -22,12 +24,16 @@ function data = ensemble(u, y, varargin)
 % SPDX-License-Identifier: BSD-3-Clause
 
 tokid.internal.need(nargin, 'u');
-if nargin < 2
-  y = [];
-end
-data.u = u;
-if ~isempty(y)
-  data.y = y;
+if isa(u, 'iddata')
+  data = tokid.internal.of_iddata(u);
+  if nargin > 1
+    varargin = [{y}, varargin];
+  end
+else
+  data.u = u;
+  if nargin > 1 && ~isempty(y)
+    data.y = y;
+  end
 end
 [data, rest] = tokid.internal.take_fields(data, varargin);
 if ~isempty(rest)

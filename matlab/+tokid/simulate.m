@@ -35,7 +35,10 @@ if iscell(u)
 elseif ischar(u) || isa(u, 'string')
   u = tokid.read(u);
 end
-if isstruct(u)
+if isa(u, 'iddata')
+  data = tokid.internal.of_iddata(u);
+  lengths = cellfun(@(c) size(c, 1), data.u(:));
+elseif isstruct(u)
   data = u;
 else
   data = struct();

@@ -20,6 +20,9 @@ if isstruct(contents) && isfield(contents, 'A')
   tokid.internal.write_model(copy, contents);
   name = 'model';
 else
+  if isa(contents, 'iddata')
+    contents = tokid.internal.of_iddata(contents);
+  end
   tokid.internal.write_ensemble(copy, tokid.internal.ensemble(contents, false));
   name = 'data';
 end

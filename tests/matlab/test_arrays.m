@@ -53,7 +53,7 @@ function case_other_things_than_numbers_are_refused()
 throws('tokid:shape', 'u: 3 x 4 of class double found, real numbers', @() tokid.ensemble(1i * ones(3, 4)));
 throws('tokid:shape', 'y: 3 x 4 of class char found', @() tokid.ensemble(ones(3, 4), repmat('a', 3, 4)));
 throws('tokid:shape', 'fields u and y', @() tokid.identify(struct('v', 1)));
-throws('tokid:shape', 'y: none found', @() tokid.identify(ones(3, 4), 'dt', 1));
+throws('tokid:shape', 'y: none found after u of class double', @() tokid.identify(ones(3, 4), 'dt', 1));
 throws('tokid:shape', 'data: none found', @() tokid.identify());
 end
 
@@ -101,4 +101,60 @@ for i = 1:3
 end
 silent(@() tokid.write('a.mat', data));
 silent(@() tokid.write('b.mat', load('a.mat')));
+end
+
+function case_other_orders_of_axes_are_explained()
+% Logs of T x channels x N: the calls of the messages give what was meant.
+data = tokid.example_data('oscillator', 'experiments', 7, 'steps', 30);
+u = permute(data.u, [2 3 1]);
+y = permute(data.y, [2 3 1]);
+throws('tokid:shape', 'T x channels x N, swap the axes by u = permute(u, [3 1 2]) and y = permute(y, [3 1 2])', ...
+       @() tokid.ensemble(u(:, 1, :), y));
+throws('tokid:shape', 'If it is N x channels x T, by permute(u, [1 3 2])', @() tokid.ensemble(u(:, 1, :), y));
+assert(isequal(permute(u, [3 1 2]), data.u) && isequal(permute(y, [3 1 2]), data.y));
+throws('tokid:shape', 'u = permute(u, [2 1]) and y = permute(y, [3 1 2])', @() tokid.ensemble(squeeze(u(:, 1, :)), y));
+throws('tokid:shape', 'u = permute(u, [3 1 2]) and y = permute(y, [2 1])', @() tokid.ensemble(u, squeeze(y(:, 1, :))));
+throws('tokid:shape', 'give {u} and {y}', @() tokid.ensemble(ones(9, 2), ones(9, 3)));
+try
+  tokid.ensemble(ones(3, 4), ones(3, 5, 2));
+catch problem
+  assert(isempty(strfind(problem.message, 'permute'))); %#ok<STREMP>
+end
+% Equal numbers of channels: the tool tells it.
+throws('tokid:input', 'by permute(u, [3 1 2]) and permute(y, [3 1 2]) if the axes are (T, channels, N)', ...
+       @() tokid.identify(u, y, 'dt', 0.05, 'lags', 50));
+data = tokid.example_data('oscillator', 'experiments', 25, 'steps', 100);
+throws('tokid:input', 'by u = permute(u, [2 1 3]) and y = permute(y, [2 1 3])', ...
+       @() tokid.identify(permute(data.u, [2 1 3]), permute(data.y, [2 1 3]), 'dt', 0.05, 'lags', 50));
+end
+
+function case_iddata()
+pkg('load', 'control');
+data = tokid.example_data('oscillator', 'experiments', 30, 'steps', 14);
+u = cell(30, 1);
+y = cell(30, 1);
+for i = 1:30
+  u{i} = squeeze(data.u(i, :, :));
+  y{i} = squeeze(data.y(i, :, :));
+end
+z = iddata(y, u, 0.05, 'inname', {'torque'; 'force'}, 'outname', {'angle'; 'rate'});
+found = tokid.ensemble(z, 'initial_state', 'zero');
+assert(isequal(found.u, data.u) && isequal(found.y, data.y) && found.dt == 0.05);
+assert(isequal(found.input_names, {'torque'; 'force'}) && isequal(found.output_names, {'angle'; 'rate'}));
+assert(strcmp(found.initial_state, 'zero') && ~isfield(found, 'experiment_names') && ~isfield(found, 'input_units'));
+model = tokid.identify(z, 'lags', 2, 'states', 4, 'initial_state', 'zero');
+expected = tokid.identify(data, 'lags', 2, 'states', 4);
+assert(isequal(model.A, expected.A) && model.dt == 0.05);
+simulated = tokid.simulate(model, z);
+assert(iscell(simulated) && isequal(size(simulated), [30 1]) && isequal(size(simulated{1}), [14 2]));
+predicted = tokid.predict(model, z);
+near(predicted{3}(4:14, :), y{3}(4:14, :), 1e-6);
+tokid.write('a.npz', z);
+back = tokid.read('a.npz');
+assert(isequal(back.u, data.u));
+single = tokid.ensemble(iddata(y{1}, u{1}, 0.1));
+assert(isequal(size(single.u), [1 14 2]) && single.dt == 0.1);
+throws('tokid:shape', 'an iddata object with several sample times found', ...
+       @() tokid.ensemble(iddata(y(1:2), u(1:2), {0.1; 0.2})));
+throws('tokid:shape', 'an iddata object without inputs found', @() tokid.ensemble(iddata(y{1}, [], 0.1)));
 end
