@@ -8,7 +8,7 @@ function [controller, evidence, loop] = lqr(model, varargin)
 % The law is u(k) = u_nominal(k) - controller_gain(k) x(k) - input_gain(k) (u(k-1) - u_nominal(k-1)). x(k) is the state
 % that the observer of the model predicts. The fields of the controller are those of the file of 'tokid lqr'
 % (docs/formats.md): controller_gain is r x n x S. The field 'model' is there only if the model is the name of a file.
-% The evidence has the expected cost. Weights are one number, or one for each channel. loop is an ensemble: experiments
+% The evidence has the expected cost. A weight is one number, one for each channel, or a diagonal matrix. loop is an ensemble: experiments
 % of the closed loop with the observer, which the tool simulates. The model may be the name of a file. Options:
 %   'output_weight', 'input_weight'   of squared outputs and inputs (default 1)
 %   'input_rate_weight'   of squared changes of the inputs from step to step (default none)
@@ -29,7 +29,16 @@ tokid.internal.need(nargin, 'model');
 known = {'output_weight', 'list'; 'input_weight', 'list'; 'input_rate_weight', 'list'; 'terminal_weight', 'list'; ...
          'begin', 'value'; 'end', 'value'; 'reference', 'own'; 'truth', 'own'; 'experiments', 'value'; ...
          'seed', 'value'; 'no_noise', 'flag'; 'u_min', 'list'; 'u_max', 'list'};
-[words, own] = tokid.internal.options('lqr', known, varargin);
+[words, own] = tokid.internal.options('lqr', known, diagonals(varargin));
+if nargout < 3
+  of_loop = intersect(cellfun(@(i) tokid.internal.option_name(varargin, i), num2cell(1:2:numel(varargin)), ...
+                              'UniformOutput', false), ...
+                      {'truth', 'experiments', 'seed', 'no_noise', 'u_min', 'u_max'});
+  if ~isempty(of_loop)
+    error('tokid:option', ['lqr: option ''%s'' found, but not the third result, loop. The option belongs to its ' ...
+                           'simulation: [controller, evidence, loop] = tokid.lqr(...)'], of_loop{1});
+  end
+end
 [folder, clean] = tokid.internal.folder(); %#ok<ASGLU>
 [file, files] = tokid.internal.take_model(folder, model);
 if isfield(own, 'reference')
@@ -57,5 +66,22 @@ end
 evidence = tokid.internal.decode(output, folder);
 if nargout > 2
   loop = tokid.read(simulated);
+end
+end
+
+function pairs = diagonals(pairs)
+% A diagonal matrix of weights is given to the tool as its diagonal.
+names = {'output_weight', 'input_weight', 'input_rate_weight', 'terminal_weight'};
+for i = 1:2:numel(pairs) - 1
+  name = tokid.internal.option_name(pairs, i);
+  value = pairs{i + 1};
+  if ~any(strcmp(name, names)) || ~isnumeric(value) || isvector(value) || isempty(value)
+    continue
+  elseif ndims(value) > 2 || size(value, 1) ~= size(value, 2) || any(any(value ~= diag(diag(value)))) %#ok<ISMAT>
+    error('tokid:option', ['lqr: option ''%s'': a value of size %s found; one number, one number for each channel or ' ...
+                           'a diagonal matrix needed. Python and C++ take full matrices and weights for each step'], ...
+          name, mat2str(size(value)));
+  end
+  pairs{i + 1} = full(diag(value));
 end
 end

@@ -7,7 +7,9 @@ function found = modes(model, varargin)
 %
 % The data are those of the identification, all of them; see tokid.ensemble. The struct has the fields of
 % 'tokid modes --json': frequency [rad/s], damping, poles_real and poles_imag [1/s], variation, window_change and valid
-% are S x n, the first row is that of step `begin`. Columns follow modes; a conjugate pair has two columns. With data,
+% have n columns. Row i belongs to step begin + i - 1, at time (begin + i - 1) * dt and with the matrix
+% model.A(:, :, begin + i - model.k_begin). Steps at both ends have no row, because the windows need them. Columns
+% follow modes; a conjugate pair has two columns. With data,
 % there are frequency_lower, frequency_upper, damping_lower and damping_upper. A periodic model has Floquet multipliers,
 % multipliers_real, multipliers_imag and multipliers_error, and exponents_real and exponents_imag [1/s]; with data also
 % exponents_real_lower and so on. docs/how-to/modes.md says how far to trust frozen modes. Options:
@@ -31,6 +33,14 @@ if ~isempty(pairs) && ~begins_with_option(pairs, known)
   [data, pairs, of_data] = tokid.internal.take_data(folder, true, pairs, model, {});
   call = [call, {'--confidence', data}];
   files = [files; of_data];
+else
+  for i = 1:2:numel(pairs)
+    name = tokid.internal.option_name(pairs, i);
+    if any(strcmp(name, {'level', 'replicates', 'seed'}))
+      error('tokid:option', 'modes: option ''%s'' found without data. It belongs to the intervals: %s', name, ...
+            'tokid.modes(model, u, y, ...)');
+    end
+  end
 end
 words = tokid.internal.options('modes', known, pairs, tokid.internal.data_fields());
 found = tokid.internal.decode(tokid.internal.call([call, words], folder, files), folder);

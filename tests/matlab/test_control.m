@@ -24,8 +24,8 @@ assert(evidence.begin == 4 && evidence.expected_cost.total > 0);
 assert(strcmp(expected.model, 'model.npz') && ~isfield(controller, 'model'));
 named = tokid.lqr('model.npz');
 assert(strcmp(named.model, 'model.npz'));
-throws('tokid:option', 'option ''weight'' found', @() tokid.lqr(model, 'weight', 1));
-throws('tokid:option', '3 numbers found', @() tokid.lqr(model, 'output_weight', [1 2 3]));
+throws('tokid:option', 'option ''Weight'' found', @() tokid.lqr(model, 'Weight', 1));
+throws('tokid:option', 'option ''output_weight'': 3 numbers found', @() tokid.lqr(model, 'output_weight', [1 2 3]));
 end
 
 function case_closed_loop_of_the_tool()
@@ -44,7 +44,8 @@ assert(numel(evidence.simulation.cost) == 7 && isempty(evidence.simulation.truth
                                  'experiments', 7, 'u_max', [0.3 0.4], 'no_noise', true);
 assert(isequal(other.y, loop.y) && strcmp(evidence.simulation.truth, 'model.npz'));
 throws('tokid:input', 'the reference: 19 steps found', @() tokid.lqr(model, 'reference', reference(1:19, :)));
-throws('tokid:option', 'simulate', @() tokid.lqr(model, 'experiments', 7));
+throws('tokid:option', 'option ''experiments'' found, but not the third result', ...
+       @() tokid.lqr(model, 'experiments', 7));
 end
 
 function case_source_of_the_tool()
@@ -88,4 +89,15 @@ assert(all(isfinite(next.u(:))));
 throws('tokid:shape', 'reference [19 2]', @() tokid.learn(model, reference(1:19, :), u, y, 'input_weight', 1));
 throws('tokid:input', 'no weight on inputs found', @() tokid.learn(model, reference, u, y));
 throws('tokid:input', 'y: none found', @() tokid.learn(model, reference, u));
+end
+
+function case_weights_as_matrices()
+[model, ~] = identified();
+expected = tokid.lqr(model, 'output_weight', [3 2], 'input_weight', 0.5);
+found = tokid.lqr(model, 'Output_Weight', diag([3 2]), 'input_weight', 0.5);
+assert(isequal(found.controller_gain, expected.controller_gain));
+throws('tokid:option', 'option ''output_weight'': a value of size [2 2] found; one number, one number for each', ...
+       @() tokid.lqr(model, 'output_weight', [3 1; 1 2]));
+throws('tokid:option', 'option ''input_weight'': a value of size [2 2 20] found', ...
+       @() tokid.lqr(model, 'input_weight', repmat(eye(2), [1 1 20])));
 end
