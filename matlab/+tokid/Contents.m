@@ -28,5 +28,7 @@
 %
 % The tool
 %   tokid.tool          where the command line tool is, which these functions call
+%
+% Pages such as docs/formats.md are in the folder docs of the source, and on the site of tokid.
 
 % SPDX-License-Identifier: BSD-3-Clause

@@ -4,6 +4,7 @@ function [model, evidence] = identify(varargin)
 %   model = tokid.identify(u, y)
 %   model = tokid.identify(u, y, 'dt', 0.01, 'hold_out', 0.2, ...)
 %   model = tokid.identify(data, ...)       data of tokid.ensemble or tokid.read
+%   model = tokid.identify(z, ...)          an iddata object
 %   model = tokid.identify('data.h5', ...)  a file: .mat, .npz, .h5 or .csv
 %   [model, evidence] = tokid.identify(...)
 %
@@ -13,8 +14,16 @@ function [model, evidence] = identify(varargin)
 %
 % The model is a struct with the fields of the file: A(:,:,s) is n x n and leads from step k to k+1, where
 % k = k_begin + s - 1 and step 0 is the first sample; B n x r x S, C m x n x S, D m x r x S, the gain of the observer
-% G n x m x S, and more: see docs/formats.md. The evidence is what 'tokid identify --json' prints, as a struct: why the
-% orders were chosen, fits, tests, conditions.
+% G n x m x S, and more: see docs/formats.md in the source or on the site of tokid. With a nominal trajectory (fields
+% u_nominal and y_nominal), u and y stand for the departures from it. The observer at step k is
+%
+%   e = y - (C*x + D*u);    x = A*x + B*u - G*e;    note the minus: A + G*C is the closed loop
+%
+% G = -A*K with the gain K of the Kalman filter. The K of n4sid and ssest is -G.
+%
+% The evidence is what 'tokid identify --json' prints, as a struct: why the orders were chosen, fits, tests, conditions.
+% evidence.verdict has the conclusion: trust, summary and reasons, as texts. Numbers of experiments (rows), outputs and
+% steps in the evidence count from 0: run i+1, y(:, :, output+1), sample k+1. evidence.method is 'em' after a refinement.
 %
 % Options are those of the tool, with _ for -; docs/explanation/methods.md explains them:
 %   'states', 'lags'      n and p, or 'auto'
@@ -38,6 +47,7 @@ function [model, evidence] = identify(varargin)
 %   'state'               name of a state to write for tokid.update
 %   'block'               steps of an .h5 in memory at a time
 %   'inputs', 'outputs'   columns of a .csv
+%   'print'               true: show the tool's report in the command window. The result evidence must be left out
 %
 % Warnings have the identifier tokid:identify. Errors: tokid:shape (arrays), tokid:option (options), tokid:input
 % (unusable data or files), tokid:failed (the computation), tokid:toolNotFound, tokid:tool.
@@ -52,15 +62,14 @@ function [model, evidence] = identify(varargin)
 known = {'states', 'value'; 'lags', 'value'; 'method', 'value'; 'smoothing', 'value'; 'feedthrough', 'switch'; ...
          'time_invariant', 'flag'; ...
          'period', 'value'; 'jumps', 'list'; 'refine', 'switch'; 'weighting', 'value'; 'output_weights', 'list'; ...
-         'initial_state', 'value'; 'frame', 'value'; 'reference_step', 'value'; 'nominal', 'value'; 'hold_out', 'value'; 'outliers', 'value'; ...
-         'rows', 'value'; 'cols', 'value'; ...
-         'threads', 'value'; 'block', 'value'; ...
+         'initial_state', 'value'; 'frame', 'value'; 'reference_step', 'value'; 'nominal', 'value'; ...
+         'hold_out', 'value'; 'outliers', 'value'; 'rows', 'value'; 'cols', 'value'; ...
+         'threads', 'value'; 'block', 'value'; 'print', 'own'; ...
          'report', 'file'; 'state', 'file'; 'inputs', 'list'; 'outputs', 'list'};
 [folder, clean] = tokid.internal.folder(); %#ok<ASGLU>
 [data, pairs, files] = tokid.internal.take_data(folder, true, varargin, [], {'initial_state'});
-words = tokid.internal.options('identify', known, pairs, tokid.internal.data_fields());
+[words, own] = tokid.internal.options('identify', known, pairs, tokid.internal.data_fields());
 [file, files] = tokid.internal.model_to_write(folder, data, files);
-output = tokid.internal.call([{'identify', data, '-o', file, '--json'}, words], folder, files);
-evidence = tokid.internal.decode(output, folder);
+evidence = tokid.internal.run([{'identify', data, '-o', file}, words], folder, files, own, nargout > 1);
 model = tokid.internal.read_model(folder, file, files);
 end

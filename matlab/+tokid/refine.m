@@ -15,6 +15,7 @@ function [model, evidence] = refine(model, varargin)
 %   'initial_state'       'auto', 'zero' or 'unknown'
 %   'threads'             0 for all of the machine
 %   'inputs', 'outputs'   columns of a .csv
+%   'print'               true: show the tool's report in the command window. The result evidence must be left out
 %
 % Warnings have the identifier tokid:refine; errors as in tokid.identify, and tokid:model.
 
@@ -22,14 +23,14 @@ function [model, evidence] = refine(model, varargin)
 
 tokid.internal.need(nargin, 'model');
 known = {'smoothing', 'value'; 'period', 'value'; 'feedthrough', 'switch'; 'iterations', 'value'; ...
-         'initial_state', 'value'; 'threads', 'value'; 'inputs', 'list'; 'outputs', 'list'};
+         'initial_state', 'value'; 'threads', 'value'; 'print', 'own'; 'inputs', 'list'; 'outputs', 'list'};
 [folder, clean] = tokid.internal.folder(); %#ok<ASGLU>
 [start, of_model] = tokid.internal.take_model(folder, model);
 [data, pairs, files] = tokid.internal.take_data(folder, true, varargin, model, {'initial_state'});
-words = tokid.internal.options('refine', known, pairs, tokid.internal.data_fields());
+[words, own] = tokid.internal.options('refine', known, pairs, tokid.internal.data_fields());
 files = [of_model; files];
 file = fullfile(folder, 'new_model.mat');
-output = tokid.internal.call([{'refine', start, data, '-o', file, '--json'}, words], folder, files);
-evidence = tokid.internal.decode(output, folder);
+files(end + 1, :) = {file, 'model'};
+evidence = tokid.internal.run([{'refine', start, data, '-o', file}, words], folder, files, own, nargout > 1);
 model = tokid.internal.read_mat(file);
 end

@@ -11,8 +11,10 @@ function evidence = report(page, model, varargin)
 %   'horizon'             steps ahead of the multi-step fit (default 10)
 %   'experiments'         experiments in the plots, at most (default 24)
 %   'at'                  steps of the responses (default steps at even distances): [0 20 50]
-%   'bands'               file of the experiments of the identification, for 95 % bands of the responses
+%   'bands'               experiments of the identification, for 95 % bands of the responses: a struct of
+%                         tokid.ensemble, an iddata object or the name of a file
 %   'compare'             another model, or a cell of several, to compare on the page: structs or names of files
+%   'compare_names'       what the page calls the models: a cell of the names of model and all others, or of all others
 %   'inputs', 'outputs'   columns of a .csv
 %
 % Warnings have the identifier tokid:report; errors as in tokid.identify, and tokid:model.
@@ -20,8 +22,8 @@ function evidence = report(page, model, varargin)
 % SPDX-License-Identifier: BSD-3-Clause
 
 tokid.internal.need(nargin, 'page', 'model');
-known = {'horizon', 'value'; 'experiments', 'value'; 'at', 'list'; 'bands', 'file'; 'compare', 'own'; ...
-         'inputs', 'list'; 'outputs', 'list'};
+known = {'horizon', 'value'; 'experiments', 'value'; 'at', 'list'; 'bands', 'own'; 'compare', 'own'; ...
+         'compare_names', 'own'; 'inputs', 'list'; 'outputs', 'list'};
 [folder, clean] = tokid.internal.folder(); %#ok<ASGLU>
 [file, of_model] = tokid.internal.take_model(folder, model);
 [data, pairs, files] = tokid.internal.take_data(folder, true, varargin, model, {});
@@ -35,14 +37,80 @@ if isa(others, 'string')
 elseif ~iscell(others)
   others = {others};
 end
+names = labels(own, numel(others));
+[named_folder, clean_named] = tokid.internal.folder(); %#ok<ASGLU>
+if isfield(own, 'compare_names') && ~isempty(names{1})
+  [file, of_model] = named_model(named_folder, model, names{1});
+end
 for i = 1:numel(others)
-  [other, of_other] = tokid.internal.take_model(folder, others{i}, sprintf('other_%d', i));
+  if isfield(own, 'compare_names')
+    [other, of_other] = named_model(named_folder, others{i}, names{i + 1});
+  else
+    [other, of_other] = tokid.internal.take_model(folder, others{i}, sprintf('other_%d', i));
+  end
   words = [words, {'--compare', other}]; %#ok<AGROW>
   files = [files; of_other]; %#ok<AGROW>
+end
+if isfield(own, 'bands')
+  [training, of_training] = training_file(folder, own.bands, model);
+  words = [words, {'--bands', training}];
+  files = [files; of_training];
 end
 words = [{'report', file, data, '-o', tokid.internal.file_name(page), '--json'}, words];
 output = tokid.internal.call(words, folder, [of_model; files]);
 if nargout > 0
   evidence = tokid.internal.decode(output, folder);
 end
+end
+
+function names = labels(own, others)
+% The names of the model and of the others; '' where the model has none.
+names = {};
+if ~isfield(own, 'compare_names')
+  return
+end
+given = own.compare_names;
+if ~(ischar(given) || iscellstr(given) || isa(given, 'string'))
+  error('tokid:option', 'report: option ''compare_names'': a value of class %s found, a cell of texts needed', ...
+        class(given));
+end
+names = reshape(cellstr(given), 1, []);
+if others == 0 || ~any(numel(names) == [others, others + 1])
+  error('tokid:option', ['report: option ''compare_names'': %d names found beside %d models in ''compare'', one for ' ...
+                         'each of them needed, or also one for the model before these'], numel(names), others);
+end
+files = regexprep(names, '[/\\:*?"<>|]|[[:cntrl:]]', '_'); % the page shows names of files
+if any(cellfun(@isempty, names)) || numel(unique(files)) < numel(names)
+  error('tokid:option', 'report: option ''compare_names'': names found that are empty or equal, different ones needed');
+end
+names = files;
+if numel(names) == others
+  names = [{''}, names];
+end
+end
+
+function [file, files] = named_model(folder, model, name)
+% The model in a file of this name.
+if ~isstruct(model)
+  model = tokid.read(model);
+end
+[file, files] = tokid.internal.take_model(folder, model, name);
+end
+
+function [file, files] = training_file(folder, data, model)
+if ischar(data) || isa(data, 'string')
+  file = tokid.internal.file_name(data);
+  files = cell(0, 2);
+  return
+end
+if isa(data, 'iddata')
+  data = tokid.internal.of_iddata(data);
+end
+data = tokid.internal.ensemble(data, true);
+if ~isfield(data, 'dt') && isstruct(model) && isfield(model, 'dt')
+  data.dt = model.dt;
+end
+file = fullfile(folder, 'bands.mat');
+files = {file, 'bands'};
+tokid.internal.write_ensemble(file, data);
 end

@@ -11,19 +11,20 @@ function [model, evidence] = update(state, varargin)
 %   'wait'                seconds to wait for another update of the same state (60)
 %   'threads'             0 for all of the machine
 %   'inputs', 'outputs'   columns of a .csv
+%   'print'               true: show the tool's report in the command window. The result evidence must be left out
 %
 % Warnings have the identifier tokid:update; errors as in tokid.identify.
 
 % SPDX-License-Identifier: BSD-3-Clause
 
 tokid.internal.need(nargin, 'state');
-known = {'wait', 'value'; 'threads', 'value'; 'inputs', 'list'; 'outputs', 'list'};
+known = {'wait', 'value'; 'threads', 'value'; 'print', 'own'; 'inputs', 'list'; 'outputs', 'list'};
 [folder, clean] = tokid.internal.folder(); %#ok<ASGLU>
 [data, pairs, files] = tokid.internal.take_data(folder, true, varargin, {state}, {});
-words = tokid.internal.options('update', known, pairs, tokid.internal.data_fields());
+[words, own] = tokid.internal.options('update', known, pairs, tokid.internal.data_fields());
 file = fullfile(folder, 'new_model.mat');
-output = tokid.internal.call([{'update', tokid.internal.file_name(state), data, '-o', file, '--json'}, words], ...
-                             folder, files);
-evidence = tokid.internal.decode(output, folder);
+files(end + 1, :) = {file, 'model'};
+evidence = tokid.internal.run([{'update', tokid.internal.file_name(state), data, '-o', file}, words], folder, files, ...
+                              own, nargout > 1);
 model = tokid.internal.read_mat(file);
 end

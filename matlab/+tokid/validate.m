@@ -1,12 +1,16 @@
 function evidence = validate(model, varargin)
 % TOKID.VALIDATE  How good a model is on data: fits, and tests of its innovations.
 %
+%   tokid.validate(model, u, y)                  shows the tool's report in the command window
 %   evidence = tokid.validate(model, u, y)
 %   evidence = tokid.validate(model, data, 'horizon', 10)
 %   evidence = tokid.validate('model.npz', 'fresh.npz', 'cross_validate', 5)
 %
 % The evidence is what 'tokid validate --json' prints: simulation_fit, one_step_fit and horizon_fit of each output [%],
 % errors in the units of the outputs, whiteness_p, nis and more (docs/formats.md). What is not known is [] or NaN.
+% evidence.verdict has the conclusion as texts: trust, summary and reasons. Numbers of experiments, outputs and steps
+% count from 0, as in outlying_samples: run experiment+1, output output+1, samples steps+1. A fit is relative to the
+% departures from y_nominal, or without it to those from one mean: compare models by simulation_rmse and one_step_rmse.
 % Model and data may be the names of files. What can be said of data: see tokid.ensemble. Options:
 %   'horizon'             steps ahead that outputs are predicted (default 1)
 %   'from'                first step of the fits, to compare models that begin at different steps (default 0)
@@ -23,6 +27,10 @@ known = {'horizon', 'value'; 'from', 'value'; 'cross_validate', 'value'; 'inputs
 [file, of_model] = tokid.internal.take_model(folder, model);
 [data, pairs, files] = tokid.internal.take_data(folder, true, varargin, model, {});
 words = tokid.internal.options('validate', known, pairs, tokid.internal.data_fields());
-output = tokid.internal.call([{'validate', file, data, '--json'}, words], folder, [of_model; files]);
-evidence = tokid.internal.decode(output, folder);
+words = [{'validate', file, data}, words];
+if nargout > 0
+  evidence = tokid.internal.run(words, folder, [of_model; files], struct(), true);
+else
+  tokid.internal.run(words, folder, [of_model; files], struct('print', true), false);
+end
 end

@@ -58,7 +58,7 @@ assert(evidence.period == 1);
 model = tokid.identify(data, 'period', 4, 'states', 2, 'lags', 3, 'refine', false, 'time_invariant', false);
 options = jsondecode(model.options);
 assert(options.period == 4);
-throws('tokid:option', 'time-invariant', @() tokid.identify(data, 'period', 4, 'time_invariant', true));
+throws('tokid:option', '''time_invariant''', @() tokid.identify(data, 'period', 4, 'time_invariant', true));
 end
 
 function case_missing_samples_and_unequal_lengths()
@@ -102,9 +102,9 @@ data = clean_data();
 throws('tokid:input', 'data: steps: 14 found, lag order 50 needs at least 51', @() tokid.identify(data, 'lags', 50));
 throws('tokid:input', 'data: ', @() tokid.identify(data.u, inf(size(data.y))));
 throws('tokid:input', 'absent.npz', @() tokid.identify('absent.npz'));
-throws('tokid:option', '--lags: ''x'' found, a whole number from 1 to 1000000 or auto needed', ...
+throws('tokid:option', 'option ''lags'': ''x'' found, a whole number from 1 to 1000000 or auto needed', ...
        @() tokid.identify(data, 'lags', 'x'));
-throws('tokid:option', '--lags: ''2.5'' found', @() tokid.identify(data, 'lags', 2.5));
+throws('tokid:option', 'option ''lags'': ''2.5'' found', @() tokid.identify(data, 'lags', 2.5));
 throws('tokid:option', 'identify: option ''lag'' found, one of block, cols, dt,', @() tokid.identify(data, 'lag', 2));
 throws('tokid:option', 'option ''lags'' has no value', @() tokid.identify(data, 'lags'));
 throws('tokid:option', 'option ''dt'' has no value', @() tokid.identify(data.u, data.y, 'dt'));
@@ -139,7 +139,7 @@ expected = jsondecode(output);
 assert(strcmp(found.trust, expected.trust) && strcmp(found.summary, expected.summary));
 assert(numel(found.checks) == numel(expected.checks) && iscell(found.reasons));
 assert(~isempty(strfind(fileread('fresh.html'), '"starts":[3,7]'))); %#ok<STREMP>
-throws('tokid:option', '--at', @() tokid.report('fresh.html', model, later, 'at', -1));
+throws('tokid:option', 'option ''at'': ', @() tokid.report('fresh.html', model, later, 'at', -1));
 tokid.write('other.npz', whole);
 tokid.report('fresh.html', model, later, 'compare', 'other.npz');
 assert(~isempty(strfind(fileread('fresh.html'), 'other.npz'))); %#ok<STREMP>
@@ -230,7 +230,7 @@ near(found.frequency, abs(found.poles_real + 1i * found.poles_imag), 1e-12);
 sure = tokid.modes(model, data, 'window', 4, 'replicates', 5, 'level', 0.9);
 near(sure.frequency, found.frequency, 1e-12);
 assert(sure.level == 0.9 && all(sure.frequency_lower(:) <= sure.frequency_upper(:)));
-throws('tokid:option', '--replicates requires --confidence', @() tokid.modes(model, 'replicates', 5));
+throws('tokid:option', 'option ''replicates'' found without data', @() tokid.modes(model, 'replicates', 5));
 throws('tokid:option', 'option ''windw'' found', @() tokid.modes(model, 'windw', 4));
 throws('tokid:option', 'option ''windw'' found', @() tokid.modes(model, data, 'windw', 4));
 throws('tokid:option', 'option ''window'' has no value', @() tokid.modes(model, 'window'));
@@ -249,7 +249,7 @@ assert(max(max(abs(data.u(:, :, 1)))) <= 0.5 && max(max(abs(data.u(:, :, 2)))) >
 model = tokid.identify(clean_data(), 'lags', 2, 'states', 4);
 [data, evidence] = tokid.plan('model', model, 'kind', 'binary', 'seed', 3);
 assert(size(data.u, 2) == 14 && strcmp(evidence.kind, 'binary') && numel(evidence.rank) == 14);
-throws('tokid:option', '--states', @() tokid.plan('inputs', 2));
+throws('tokid:option', '''states''', @() tokid.plan('inputs', 2));
 end
 
 function case_the_tool_is_looked_for()
@@ -307,4 +307,81 @@ system('chmod +x fails');
 tokid.tool(fullfile(pwd(), 'fails'));
 throws('tokid:failed', 'out of memory', @() tokid.example_data('oscillator'));
 tokid.tool('');
+end
+
+function case_reports_of_the_tool_are_shown()
+data = clean_data();
+shown = evalc('model = tokid.identify(data, ''lags'', 2, ''states'', 4, ''print'', true);');
+assert(~isempty(regexp(shown, '(^|\n)Data +data: 30 experiments', 'once')));
+assert(~isempty(regexp(shown, '\nVerdict +good', 'once')) && isempty(strfind(shown, tempdir()))); %#ok<STREMP>
+expected = tokid.identify(data, 'lags', 2, 'states', 4);
+assert(isequal(model.A, expected.A));
+assert(isempty(evalc('tokid.identify(data, ''lags'', 2, ''states'', 4, ''print'', false);')));
+shown = evalc('tokid.validate(model, data);');
+assert(~isempty(regexp(shown, '(^|\n)Model +model\n', 'once')) && ~isempty(regexp(shown, '\nVerdict +good', 'once')));
+assert(isempty(evalc('evidence = tokid.validate(model, data);')) && evidence.experiments == 30);
+assert(~isempty(evidence.verdict.summary));
+tokid.identify(data, 'lags', 2, 'states', 4, 'state', 'rig.h5');
+later = tokid.example_data('oscillator', 'experiments', 5, 'steps', 14, 'seed', 2);
+shown = evalc('tokid.update(''rig.h5'', later, ''print'', true);');
+assert(~isempty(regexp(shown, '\nWritten +rig.h5\n +model\n', 'once')));
+data = noisy_data();
+start = tokid.identify(data, 'states', 2, 'lags', 2, 'refine', false);
+shown = evalc('tokid.refine(start, data, ''smoothing'', 0.1, ''iterations'', 2, ''print'', true);');
+assert(~isempty(regexp(shown, '\nWritten +model', 'once')));
+throws('tokid:option', 'option ''print'' found beside the result evidence', @() two_results(data));
+throws('tokid:option', 'option ''print'': true or false needed', @() tokid.identify(data, 'print', 'yes'));
+end
+
+function two_results(data)
+[~, ~] = tokid.identify(data, 'print', true);
+end
+
+function case_names_of_compared_models()
+data = clean_data();
+model = tokid.identify(data, 'lags', 2, 'states', 4);
+other = tokid.identify(data, 'lags', 2, 'states', 3);
+tokid.write('file.npz', other);
+tokid.report('a.html', model, data, 'compare', {other, 'file.npz'}, 'compare_names', {'three states', 'of a/file'});
+page = fileread('a.html');
+assert(~isempty(strfind(page, '"models":["model.mat","three states.mat","of a_file.mat"]'))); %#ok<STREMP>
+tokid.report('a.html', 'file.npz', data, 'compare', model, 'compare_names', {'three', 'four'});
+page = fileread('a.html');
+assert(~isempty(strfind(page, '"models":["three.mat","four.mat"]'))); %#ok<STREMP>
+wrong = {{'a', 'b', 'c'}, {'a', 'a'}, {'a', ''}, 5};
+for i = 1:numel(wrong)
+  throws('tokid:option', 'report: option ''compare_names''', ...
+         @() tokid.report('b.html', model, data, 'compare', {other}, 'compare_names', wrong{i}));
+end
+throws('tokid:option', '1 names found beside 0 models', @() tokid.report('b.html', model, data, 'compare_names', {'a'}));
+assert(exist('b.html', 'file') == 0);
+end
+
+function case_bands_of_arrays()
+data = tokid.example_data('rotating-tube', 'experiments', 24, 'steps', 12, 'measurement_noise', 0.05);
+model = tokid.identify(data, 'states', 2, 'lags', 2, 'refine', false);
+tokid.write('training.npz', data);
+fresh = tokid.example_data('rotating-tube', 'experiments', 6, 'steps', 12, 'measurement_noise', 0.05, 'seed', 2);
+tokid.report('a.html', model, fresh, 'bands', data);
+tokid.report('b.html', model, fresh, 'bands', 'training.npz');
+found = bands_of('a.html');
+assert(numel(found) > 100 && isequal(found, bands_of('b.html')));
+tokid.report('c.html', model, fresh);
+assert(isempty(bands_of('c.html')));
+end
+
+function text = bands_of(page)
+text = regexp(fileread(page), '"bands":\{[^}]*\}', 'match', 'once');
+end
+
+function case_rows_of_modes()
+% Row i belongs to step begin + i - 1, here found by a jump.
+model = struct('A', reshape([0.5 * ones(1, 10), 0.8 * ones(1, 10)], 1, 1, 20), 'B', ones(1, 1, 20), ...
+               'C', ones(1, 1, 20), 'D', zeros(1, 1, 20), 'G', zeros(1, 1, 20), 'state_dim', ones(21, 1), 'k_begin', 3);
+found = tokid.modes(model, 'window', 4);
+assert(isequal(size(found.valid), [16 1]) && found.begin == 5);
+poles = exp(found.poles_real * found.dt);
+i = find(poles > 0.55, 1);
+assert(model.A(:, :, found.begin + i - model.k_begin) == 0.8);
+assert(model.A(:, :, found.begin + i - 1 - model.k_begin) == 0.5);
 end
