@@ -5,8 +5,9 @@ function evidence = export(source, model, varargin)
 %   evidence = tokid.export('observer.c', model, 'controller', tokid.lqr(model), 'float', true)
 %   evidence = tokid.export('observer.c', 'model.npz', 'controller', 'controller.h5', 'name', 'crane')
 %
-% It writes the source and, beside it, the header observer.h. docs/how-to/deploy.md in the source or on the site of tokid
-% shows how to call them. The evidence counts bytes and operations (docs/formats.md). The model may be the name of a file. Options:
+% It writes the source and, beside it, the header observer.h. docs/how-to/deploy.md in the source or on the site of
+% tokid shows how to call them. The evidence counts bytes and operations (docs/formats.md). The model may be the name of
+% a file. Options:
 %   'controller'          of this model, from tokid.lqr or the name of a file (default none)
 %   'float'               true: numbers of type float (default double)
 %   'name'                beginning of all names in C (default that of the file)

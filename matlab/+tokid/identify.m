@@ -23,7 +23,8 @@ function [model, evidence] = identify(varargin)
 %
 % The evidence is what 'tokid identify --json' prints, as a struct: why the orders were chosen, fits, tests, conditions.
 % evidence.verdict has the conclusion: trust, summary and reasons, as texts. Numbers of experiments (rows), outputs and
-% steps in the evidence count from 0: run i+1, y(:, :, output+1), sample k+1. evidence.method is 'em' after a refinement.
+% steps in the evidence count from 0: run i+1, y(:, :, output+1), sample k+1. The
+% evidence.method is 'em' after a refinement.
 %
 % Options are those of the tool, with _ for -; docs/explanation/methods.md explains them:
 %   'states', 'lags'      n and p, or 'auto'

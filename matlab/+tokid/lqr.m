@@ -5,11 +5,13 @@ function [controller, evidence, loop] = lqr(model, varargin)
 %   [controller, evidence] = tokid.lqr('model.npz', 'input_rate_weight', 0.1, 'begin', 20)
 %   [controller, evidence, loop] = tokid.lqr(model, 'reference', wanted, 'experiments', 200, 'u_max', 0.1)
 %
-% The law is u(k) = u_nominal(k) - controller_gain(k) x(k) - input_gain(k) (u(k-1) - u_nominal(k-1)). x(k) is the state
-% that the observer of the model predicts. The fields of the controller are those of the file of 'tokid lqr'
-% (docs/formats.md): controller_gain is r x n x S. The field 'model' is there only if the model is the name of a file.
-% The evidence has the expected cost. A weight is one number, one for each channel, or a diagonal matrix. loop is an ensemble: experiments
-% of the closed loop with the observer, which the tool simulates. The model may be the name of a file. Options:
+% The law is u(k) = u_nominal(k) - controller_gain(k) x(k) - input_gain(k) (u(k-1) - u_nominal(k-1)). There is an
+% input_gain only with weights on input rates. With a reference, feedforward(k) is added. x(k) is the state that the
+% observer of the model predicts, with the recursion in the help of tokid.identify; docs/matlab.md has the loop as code.
+% The fields of the controller are those of the file of 'tokid lqr' (docs/formats.md): controller_gain is r x n x S. The
+% field 'model' is there only if the model is the name of a file. The evidence has the expected cost. A weight is one
+% number, one for each channel, or a diagonal matrix. loop is an ensemble: experiments of the closed loop with the
+% observer, which the tool simulates. The model may be the name of a file. Options:
 %   'output_weight', 'input_weight'   of squared outputs and inputs (default 1)
 %   'input_rate_weight'   of squared changes of the inputs from step to step (default none)
 %   'terminal_weight'     added to the weights of the outputs at the last step (default none)
@@ -78,8 +80,9 @@ for i = 1:2:numel(pairs) - 1
   if ~any(strcmp(name, names)) || ~isnumeric(value) || isvector(value) || isempty(value)
     continue
   elseif ndims(value) > 2 || size(value, 1) ~= size(value, 2) || any(any(value ~= diag(diag(value)))) %#ok<ISMAT>
-    error('tokid:option', ['lqr: option ''%s'': a value of size %s found; one number, one number for each channel or ' ...
-                           'a diagonal matrix needed. Python and C++ take full matrices and weights for each step'], ...
+    error('tokid:option', ['lqr: option ''%s'': a value of size %s found; one number, one number for each channel ' ...
+                           'or a diagonal matrix needed. Python and C++ take full matrices and weights for each ' ...
+                           'step'], ...
           name, mat2str(size(value)));
   end
   pairs{i + 1} = full(diag(value));

@@ -79,9 +79,9 @@ if others == 0 || ~any(numel(names) == [others, others + 1])
   error('tokid:option', ['report: option ''compare_names'': %d names found beside %d models in ''compare'', one for ' ...
                          'each of them needed, or also one for the model before these'], numel(names), others);
 end
-files = regexprep(names, '[/\\:*?"<>|]|[[:cntrl:]]', '_'); % the page shows names of files
+files = regexprep(names, '[/\\:*?"<>|\x01-\x1f]', '_'); % the page shows names of files
 if any(cellfun(@isempty, names)) || numel(unique(files)) < numel(names)
-  error('tokid:option', 'report: option ''compare_names'': names found that are empty or equal, different ones needed');
+  error('tokid:option', 'report: option ''compare_names'': an empty name or equal names found, different ones needed');
 end
 names = files;
 if numel(names) == others

@@ -320,7 +320,7 @@ assert(isempty(evalc('tokid.identify(data, ''lags'', 2, ''states'', 4, ''print''
 shown = evalc('tokid.validate(model, data);');
 assert(~isempty(regexp(shown, '(^|\n)Model +model\n', 'once')) && ~isempty(regexp(shown, '\nVerdict +good', 'once')));
 assert(isempty(evalc('evidence = tokid.validate(model, data);')) && evidence.experiments == 30);
-assert(~isempty(evidence.verdict.summary));
+assert(~isempty(evidence.verdict.summary) && isequal(evidence.verdict.reasons, cell(0, 1)));
 tokid.identify(data, 'lags', 2, 'states', 4, 'state', 'rig.h5');
 later = tokid.example_data('oscillator', 'experiments', 5, 'steps', 14, 'seed', 2);
 shown = evalc('tokid.update(''rig.h5'', later, ''print'', true);');
@@ -353,7 +353,8 @@ for i = 1:numel(wrong)
   throws('tokid:option', 'report: option ''compare_names''', ...
          @() tokid.report('b.html', model, data, 'compare', {other}, 'compare_names', wrong{i}));
 end
-throws('tokid:option', '1 names found beside 0 models', @() tokid.report('b.html', model, data, 'compare_names', {'a'}));
+throws('tokid:option', '1 names found beside 0 models', ...
+       @() tokid.report('b.html', model, data, 'compare_names', {'a'}));
 assert(exist('b.html', 'file') == 0);
 end
 

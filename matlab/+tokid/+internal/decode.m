@@ -4,7 +4,13 @@ function value = decode(text, folder)
 
 % SPDX-License-Identifier: BSD-3-Clause
 
-value = clean(jsondecode(text), folder);
+value = with_lists(clean(jsondecode(text), folder));
+if isfield(value, 'verdict') && isstruct(value.verdict)
+  value.verdict = with_lists(value.verdict);
+end
+end
+
+function value = with_lists(value)
 lists = {'warnings', 'reasons', 'output_names', 'input_names'};
 for i = 1:numel(lists)
   if isfield(value, lists{i}) && isempty(value.(lists{i}))

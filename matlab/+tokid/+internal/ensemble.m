@@ -91,8 +91,8 @@ function text = other_order(u, y)
 % The calls that bring the axes into order, if the last axis may be that of the experiments or steps.
 text = '';
 if ndims(u) == 3 && ndims(y) == 3 && isequal([size(u, 1), size(u, 3)], [size(y, 1), size(y, 3)])
-  text = ['. If the order is T x channels x N, swap the axes by u = permute(u, [3 1 2]) and y = permute(y, [3 1 2]). ' ...
-          'If it is N x channels x T, by permute(u, [1 3 2]) and permute(y, [1 3 2])'];
+  text = ['. If the order is T x channels x N, swap the axes by u = permute(u, [3 1 2]) and ' ...
+          'y = permute(y, [3 1 2]). If it is N x channels x T, by permute(u, [1 3 2]) and permute(y, [1 3 2])'];
 elseif ndims(u) == 2 && ndims(y) == 3 && isequal(size(u), [size(y, 1), size(y, 3)]) %#ok<ISMAT>
   text = ['. If the orders are T x N and T x channels x N, swap the axes by u = permute(u, [2 1]) and ' ...
           'y = permute(y, [3 1 2]). If y is N x channels x T, by y = permute(y, [1 3 2])'];
