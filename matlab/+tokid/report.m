@@ -9,6 +9,7 @@ function evidence = report(page, model, varargin)
 % 'tokid report --json' prints: trust, summary, reasons, checks and more (docs/formats.md). What can be said of data:
 % see tokid.ensemble. Options:
 %   'horizon'             steps ahead of the multi-step fit (default 10)
+%   'from'                first step of the fits (default 0)
 %   'experiments'         experiments in the plots, at most (default 24)
 %   'at'                  steps of the responses (default steps at even distances): [0 20 50]
 %   'bands'               experiments of the identification, for 95 % bands of the responses: a struct of
@@ -22,7 +23,7 @@ function evidence = report(page, model, varargin)
 % SPDX-License-Identifier: BSD-3-Clause
 
 tokid.internal.need(nargin, 'page', 'model');
-known = {'horizon', 'value'; 'experiments', 'value'; 'at', 'list'; 'bands', 'own'; 'compare', 'own'; ...
+known = {'horizon', 'value'; 'from', 'value'; 'experiments', 'value'; 'at', 'list'; 'bands', 'own'; 'compare', 'own'; ...
          'compare_names', 'own'; 'inputs', 'list'; 'outputs', 'list'};
 [folder, clean] = tokid.internal.folder(); %#ok<ASGLU>
 [file, of_model] = tokid.internal.take_model(folder, model);
