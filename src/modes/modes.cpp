@@ -71,7 +71,14 @@ Matrix window_change(const Model& model, const Eigen::MatrixXcd& poles, Index be
   const Index other = modes_of::other_window(model, window);
   if (other == 0) return Matrix::Constant(poles.rows(), poles.cols(), nan);
   const Eigen::MatrixXcd found = modes_of::poles_in_order(poles, begin, modes_of::spectra(model, other, execution));
-  const Matrix change = (found - poles).cwiseAbs().cwiseQuotient(poles.cwiseAbs());
+  Matrix change = (found - poles).cwiseAbs().cwiseQuotient(poles.cwiseAbs());
+  // Both poles of a conjugate pair are one mode. If only one of them was matched with its own pole of the other window,
+  // that one tells the change.
+  for (Index k = 0; k < poles.rows(); ++k)
+    for (Index i = 0; i < poles.cols(); ++i)
+      for (Index j = i + 1; j < poles.cols(); ++j)
+        if (poles(k, i).imag() != 0 && poles(k, j) == std::conj(poles(k, i)))
+          change(k, i) = change(k, j) = std::fmin(change(k, i), change(k, j));
   Matrix result = Matrix::Constant(poles.rows(), poles.cols(), nan);
   const Index steps = poles.rows();
   for (Index k = 0; k < steps; ++k)
