@@ -148,10 +148,10 @@ void Command::columns(ReadOptions& options) {
   add("--missing", options.missing, "WORD,...", word,
       "Words in a .csv that stand for a missing sample, besides Bad, ---, NaN, null and others");
   choice("--dates", options.dates, date_orders(),
-         "Order of the numbers in dates of a .csv such as 03/04/2026 (default: as its dates show)");
+         "Order of day and month in dates of a .csv such as 03/04/2026 (default: the order that its dates show)");
   text(
       "--trigger", "CONDITION",
-      "Column of a .csv and its value, as 'valve>0.5': step 0 is the first sample where it holds",
+      "Condition on a column of a .csv, as 'valve>0.5': step 0 is the first sample at which it holds",
       [&options](const std::string& condition) { return !(options.trigger = condition).empty(); },
       "a condition needed");
   number("--before", options.before, "STEPS", "Steps to keep before the trigger (default 0)", Index{0},
@@ -161,16 +161,14 @@ void Command::columns(ReadOptions& options) {
     return dt && *dt > 0 ? std::optional(dt) : std::nullopt;
   };
   value("--dt", options.dt, "SECONDS",
-        "Sample time of a .csv, to whose steps times are moved by up to a tenth of a step", seconds,
+        "Sample time of a .csv: times are moved to its steps, by up to a tenth of a step", seconds,
         "a positive sample time in seconds needed");
-  value("--resample", options.resample, "SECONDS",
-        "Sample time of a common grid on which the samples of a .csv are brought", seconds,
-        "a positive sample time in seconds needed");
-  choice("--resample-method", options.resample_method, resample_methods(),
-         "How they are brought there (default linear)");
+  value("--resample", options.resample, "SECONDS", "Resample a .csv to a common time grid with this sample time",
+        seconds, "a positive sample time in seconds needed");
+  choice("--resample-method", options.resample_method, resample_methods(), "Method of --resample (default linear)");
   value(
       "--longest-gap", options.longest_gap, "STEPS",
-      "Longest gap that resampling fills (default 3; for the method previous no limit)",
+      "Longest gap that --resample fills (default 3; no limit with the method previous)",
       [](const std::string& steps) -> std::optional<std::optional<std::int64_t>> {
         const auto gap = parse_number<std::int64_t>(steps, 1, 1'000'000'000);
         return gap ? std::optional(gap) : std::nullopt;
@@ -179,11 +177,11 @@ void Command::columns(ReadOptions& options) {
 }
 
 void Command::horizon(Index& target) {
-  number<Index>("--horizon", target, "H", "Steps ahead that outputs are predicted (default 1)", 1, 1'000'000);
+  number<Index>("--horizon", target, "H", "Number of steps ahead of the predictions (default 1)", 1, 1'000'000);
 }
 
 void Command::threads(int& target) {
-  number("--threads", target, "N", "Threads, 0 for all of the machine (default 1)", 0, 1024);
+  number("--threads", target, "N", "Number of threads, 0 for all threads of the machine (default 1)", 0, 1024);
 }
 
 void Command::verbose(bool& target) { flag("--verbose", target, "Print the details: reasons, candidates, tests"); }

@@ -238,7 +238,7 @@ void run(const Call& call) {
 void add_confidence(CLI::App& tool) {
   const auto call = std::make_shared<Call>();
   ConfidenceOptions& o = call->options;
-  Command command(tool, "confidence", "Confidence bounds of a model, its outputs and eigenvalues",
+  Command command(tool, "confidence", "Compute confidence bounds of a model, its outputs and eigenvalues",
                   "tokid confidence model.npz data.npz -o bounds.npz --level 0.99");
   command.argument("MODEL", call->model, "Model that tokid identified: .npz, .h5 or .mat");
   command.data("DATA", call->paths, call->data,
@@ -252,8 +252,8 @@ void add_confidence(CLI::App& tool) {
       "--method", o.method,
       Choices<std::optional<BoundsMethod>>{
           {"auto", std::nullopt}, {"factors", BoundsMethod::factors}, {"bootstrap", BoundsMethod::bootstrap}},
-      "From the factors of the regressions, or by a bootstrap (auto: the bootstrap if steps are smoothed, refined or pooled)");
-  command.number<Index>("--replicates", call->replicates, "B", "Replicates of the bootstrap (default 200)", 2,
+      "Bounds from the factors of the regressions or by a bootstrap (auto: bootstrap if steps are smoothed, refined or pooled)");
+  command.number<Index>("--replicates", call->replicates, "B", "Number of replicates of the bootstrap (default 200)", 2,
                         1'000'000);
   command.count_or_auto("--band", o.band,
                         "Largest number of steps between input and output of a Markov parameter "

@@ -44,7 +44,7 @@ void add_cost_rows(Page& page, const ExpectedCost& cost, bool rates, const std::
   if (cost.presumes_zero_state)
     page.row(
         "",
-        "This presumes that the observer begins with the state zero. Until it has estimated the state, the inputs are nominal.");
+        "This cost presumes that the observer begins with the state zero. Until the observer has estimated the state, the inputs are nominal.");
 }
 
 Json json_of(const ExpectedCost& cost) {

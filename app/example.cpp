@@ -39,22 +39,22 @@ void run(const Call& call) {
 void add_example(CLI::App& tool) {
   const auto call = std::make_shared<Call>();
   ExperimentOptions& o = call->options;
-  Command command(tool, "example", "Simulated experiments on a system with known answers",
+  Command command(tool, "example", "Simulate experiments on a system whose model is known",
                   "tokid example oscillator -o data.npz --experiments 200 --measurement-noise 0.1");
   command.choice("SYSTEM", call->name,
                  Choices<std::string>{{"oscillator", "oscillator"}, {"rotating-tube", "rotating-tube"}},
-                 "oscillator: the paper's, 4 states; rotating-tube: 2 states");
+                 "oscillator: the example of the paper, with 4 states; rotating-tube: 2 states");
   command.output(call->output, "Ensemble to write: .npz, .h5, .mat or .csv");
-  command.number<Index>("--experiments", o.experiments, "N", "Experiments (default 50)", 1, 1'000'000);
+  command.number<Index>("--experiments", o.experiments, "N", "Number of experiments (default 50)", 1, 1'000'000);
   command.file("--inputs", call->inputs, "Inputs of the experiments, as plan writes them (default unit Gaussian)");
-  command.number<Index>("--steps", call->steps, "T", "Time steps (default 100)", 1, 1'000'000);
+  command.number<Index>("--steps", call->steps, "T", "Number of time steps (default 100)", 1, 1'000'000);
   command.number<std::uint64_t>("--seed", o.seed, "S", "Seed of the random numbers (default 1)", 0);
   command.number("--process-noise", o.process_noise, "SD", "Standard deviation of the noise on each state (default 0)",
                  0.0);
   command.number("--measurement-noise", o.measurement_noise, "SD",
                  "Standard deviation of the noise on each output (default 0)", 0.0);
-  command.number<Index>("--free-responses", o.free_responses, "NF", "Experiments without input (default 0)", 0,
-                        1'000'000);
+  command.number<Index>("--free-responses", o.free_responses, "NF", "Number of experiments without input (default 0)",
+                        0, 1'000'000);
   command.choice("--initial-state", o.initial_state,
                  Choices<InitialState>{{"zero", InitialState::zero}, {"unknown", InitialState::unknown}},
                  "States at step 0 (default zero; unknown: random)");

@@ -267,7 +267,7 @@ void add_refinement(const Identification& result, Page& page) {
                              ? fmt::format("EM, {}, lambda = {}: cross-validation error {} instead of {}",
                                            plural(choice.iterations, "iteration"), penalty(choice.smoothing),
                                            share(after), share(before))
-                         : dropped ? "none: EM helped in cross-validation, but not on the full data"
+                         : dropped ? "none: EM made the model better in cross-validation, but not on the whole data"
                                    : "none: EM did not lower the cross-validation error");
 }
 
@@ -528,7 +528,7 @@ void run_in_blocks(const Call& call) {
         "parts of them. Leave out --report, and run tokid report later with other experiments");
   if (!call.state.empty())
     throw std::invalid_argument(
-        "--state: not possible with --block, because a state contains the factors of all steps, and --block "
+        "--state: not possible with --block, because a state file contains the factors of all steps, and --block "
         "never has all steps in memory. Leave out one of the two options");
   if (!call.read.inputs.empty() || !call.read.outputs.empty())
     throw std::invalid_argument(
@@ -665,14 +665,14 @@ void add_identify(CLI::App& tool) {
                 block_steps, "a whole number from 1 on, auto or all needed");
   command.flag(
       "--resume", call->resume,
-      "Keep finished blocks in FILE.resume until the model is written. The same call continues from them after a "
-      "stop");
+      "Keep finished blocks in FILE.resume until the model is written. After a stop, the same call continues from these "
+      "blocks");
   command.file("--report", call->page, "Page to write that shows whether the model can be trusted: .html");
   const auto file_name = [](const std::string& text) {
     return parse_number<double>(text, 0, 1e300) ? std::nullopt : std::optional<fs::path>(text);
   };
   command.value("--state", call->state, "FILE",
-                "State to write, to which update adds later experiments: .h5, .npz or .mat", file_name,
+                "State file to write, to which tokid update adds later experiments: .h5, .npz or .mat", file_name,
                 "the name of a file to write needed; --states takes the number of states");
   command.verbose(call->verbose);
   command.flag("--json", call->json, "Print one JSON object");

@@ -114,16 +114,16 @@ void run(const Call& call) {
 
 void add_learn(CLI::App& tool) {
   const auto call = std::make_shared<Call>();
-  Command command(tool, "learn", "Inputs of the next run from a reference and the last run",
+  Command command(tool, "learn", "Compute the inputs of the next run from a reference and the last run",
                   "tokid learn model.npz run.csv wanted.csv --input-change-weight 0.01 -o next.csv");
   command.argument("MODEL", call->model, "Model: .npz, .h5 or .mat");
   command.argument("RUN", call->run, "The last run, an ensemble: .npz, .h5, .mat or .csv");
   command.argument(
       "REFERENCE", call->reference,
-      "Ensemble of one experiment with the wanted outputs, where missing samples are free; its inputs do not matter");
+      "Ensemble of one experiment with the wanted outputs; missing samples are free, and its inputs do not matter");
   command.output(call->output, "Ensemble to write: the next run with its predicted outputs");
-  command.number<Index>("--experiment", call->experiment, "ROW", "Row of the last run in RUN (default the last row)",
-                        0);
+  command.number<Index>("--experiment", call->experiment, "ROW",
+                        "Row of the last run in RUN, if RUN has several experiments (default the last row)", 0);
   add_weights(command, "--error-weight", call->errors,
               "Weights of squared errors, one for all outputs, or one for each (default 1)");
   add_weights(command, "--input-weight", call->inputs,

@@ -187,7 +187,7 @@ void run(const Call& call) {
 void add_lqr(CLI::App& tool) {
   const auto call = std::make_shared<Call>();
   constexpr Index most = 1'000'000'000;
-  Command command(tool, "lqr", "Controller of the departures from the nominal trajectory",
+  Command command(tool, "lqr", "Design an LQR controller of the departures from the nominal trajectory",
                   "tokid lqr model.npz --output-weight 100,1 --input-weight 0.1 -o controller.h5");
   command.argument("MODEL", call->model, "Model: .npz, .h5 or .mat");
   command.output(call->output, "Controller to write: .npz, .h5 or .mat");
@@ -198,16 +198,19 @@ void add_lqr(CLI::App& tool) {
   add_weights(command, "--input-rate-weight", call->rates,
               "Weights of squared changes of the inputs from step to step (default none)");
   add_weights(command, "--terminal-weight", call->terminal,
-              "Weights that are added to those of the outputs at the last step (default none)");
-  command.number<Index>("--begin", call->begin, "K", "First step (default that of the model)", 0, most);
-  command.number<Index>("--end", call->end, "K",
-                        "Step after the last one (default that of the model; periodic models go on)", 1, most);
+              "Weights that are added to the weights of the outputs at the last step (default none)");
+  command.number<Index>("--begin", call->begin, "K",
+                        "First step of the controller (default: the first step of the model)", 0, most);
+  command.number<Index>(
+      "--end", call->end, "K",
+      "Step after the last step of the controller (default: after the last step of the model; periodic models go on)",
+      1, most);
   command.file("--reference", call->reference,
                "Ensemble of one experiment with the wanted outputs; its inputs do not matter");
   command.file("--simulate", call->simulated, "Ensemble to write: simulated experiments of the closed loop");
   command.file("--truth", call->truth, "Model of the system that is simulated (default MODEL)");
-  command.number<Index>("--experiments", call->simulation.experiments, "N", "Simulated experiments (default 100)", 1,
-                        1'000'000);
+  command.number<Index>("--experiments", call->simulation.experiments, "N",
+                        "Number of simulated experiments (default 100)", 1, 1'000'000);
   command.number<std::uint64_t>("--seed", call->simulation.seed, "S", "Seed of the simulated noise (default 1)", 0);
   command.flag(
       "--no-noise", [call] { call->simulation.noise = false; }, "Simulate without noise, from the mean initial state");

@@ -225,22 +225,24 @@ void run(const Call& call) {
 
 void add_modes(CLI::App& tool) {
   const auto call = std::make_shared<Call>();
-  Command command(tool, "modes", "Natural frequencies and damping ratios of a model over time",
+  Command command(tool, "modes", "Compute natural frequencies and damping ratios of a model over time",
                   "tokid modes model.npz --at 20,60,100 --confidence data.npz -o modes.csv");
   command.argument("MODEL", call->model, "Model: .npz, .h5 or .mat");
   command.value("--at", call->at, "K,...", "Steps to print (default: five steps at even distances)", parse_steps,
                 "steps separated by commas needed");
   command.file("-o,--output", call->output, "Table to write, with all steps: .csv");
-  command.file("--confidence", call->data, "Whole ensemble of the identification: adds intervals, by a bootstrap");
+  command.file("--confidence", call->data,
+               "Whole ensemble of the identification, from which a bootstrap computes intervals");
   command.number<double>("--level", call->confidence.level, "P",
                          "Probability that an interval holds the truth (default 0.95)", 1e-6, 1 - 1e-9);
-  command.number<Index>("--replicates", call->confidence.replicates, "B", "Replicates of the bootstrap (default 200)",
-                        2, 1'000'000);
+  command.number<Index>("--replicates", call->confidence.replicates, "B",
+                        "Number of replicates of the bootstrap (default 200)", 2, 1'000'000);
   command.number<std::uint64_t>("--seed", call->confidence.seed, "S", "Seed of the bootstrap (default 1)", 1);
-  command.count_or_auto("--window", call->options.window,
-                        "Steps of outputs that define the states, even (auto: the steps that determine a state)");
+  command.count_or_auto(
+      "--window", call->options.window,
+      "Even number of steps whose outputs define the states (auto: the steps that determine a state)");
   command.number<double>("--slow", call->options.slow, "V",
-                         "Largest variation of a valid mode while it turns by one radian (default 0.1)", 0.0);
+                         "Largest variation of a valid mode while its phase turns by one radian (default 0.1)", 0.0);
   for (const char* option : {"--level", "--replicates", "--seed"}) command.needs(option, "--confidence");
   command.threads(call->options.execution.threads);
   command.flag("--json", call->json, "Print one JSON object");

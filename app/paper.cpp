@@ -77,7 +77,7 @@ void run(const Call& call) {
 
 void add_paper(CLI::App& tool) {
   const auto call = std::make_shared<Call>();
-  Command command(tool, "paper", "The paper's figures and printed numbers, recomputed", "tokid paper -o paper");
+  Command command(tool, "paper", "Compute the figures and printed numbers of the paper again", "tokid paper -o paper");
   command.output(call->directory, "Directory for paper.html and paper.json", "DIR");
   command.number<std::uint64_t>("--seed", call->seed, "S", "Seed of the experiments (default 1)", 0);
   command.threads(call->threads);

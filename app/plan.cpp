@@ -66,7 +66,7 @@ std::string report(const Call& call, const PlanOptions& sizes, const ExperimentP
   page.table(rows);
   page.row("Condition", fmt::format("of the inputs in a window: {}", describe(extreme(plan.input_condition))));
   if (plan.condition.empty()) {
-    if (call.verbose) page.row("", "of the whole windows: not known without a model of the system; see --model");
+    if (call.verbose) page.row("", "of the whole windows: not known without a model of the system (option --model)");
   } else {
     page.row("", fmt::format("of the windows W_k on the model: {}", describe(extreme(plan.condition))));
     if (!std::isnan(plan.start_condition))
@@ -84,8 +84,8 @@ std::string report(const Call& call, const PlanOptions& sizes, const ExperimentP
   else
     page.row("Noise", "no degree of freedom is left to average the noise");
   if (!std::isnan(plan.noise_floor))
-    page.row("", fmt::format("best one-step error: {} of the outputs; Markov parameters: {}", share(plan.noise_floor),
-                             share(plan.markov_error)));
+    page.row("", fmt::format("best one-step error: {} of the outputs; error of the Markov parameters: {}",
+                             share(plan.noise_floor), share(plan.markov_error)));
   page.row("Written", call.output.string());
   page.command("Next", "apply these inputs, measure the outputs, and identify the model",
                fmt::format("tokid identify measured{} -o model.npz", extension_of(call.output)));
@@ -189,21 +189,25 @@ void add_plan(CLI::App& tool) {
   const auto call = std::make_shared<Call>();
   PlanOptions& o = call->options;
   constexpr Index most = 1'000'000;
-  Command command(tool, "plan", "How many experiments, and inputs for them",
+  Command command(tool, "plan", "Plan the number of experiments and their inputs",
                   "tokid plan --states 4 --inputs 2 --outputs 2 --steps 80 --amplitude 0.5 -o inputs.npz");
-  command.number<Index>("--states", o.states, "n", "States (default with --model: as it has)", 1, most);
-  command.number<Index>("--inputs", o.inputs, "r", "Inputs (default with --model: as it has)", 1, most);
-  command.number<Index>("--outputs", o.outputs, "m", "Outputs (default with --model: as it has)", 1, most);
-  command.number<Index>("--steps", o.steps, "T", "Time steps (default with --model: as it has)", 1, most);
+  command.number<Index>("--states", o.states, "n", "Number of states (default with --model: that of the model)", 1,
+                        most);
+  command.number<Index>("--inputs", o.inputs, "r", "Number of inputs (default with --model: that of the model)", 1,
+                        most);
+  command.number<Index>("--outputs", o.outputs, "m", "Number of outputs (default with --model: that of the model)", 1,
+                        most);
+  command.number<Index>("--steps", o.steps, "T", "Number of time steps (default with --model: that of the model)", 1,
+                        most);
   command.count_or_auto("--lags", o.lags, "Lag order p (auto: the smallest, n/m rounded up)");
-  command.count_or_auto("--experiments", o.experiments, "Experiments N (auto: as many as recommended)");
+  command.count_or_auto("--experiments", o.experiments, "Number of experiments N (auto: the recommended number)");
   command.choice("--kind", o.kind,
                  Choices<std::optional<InputKind>>{{"orthogonal", InputKind::orthogonal},
                                                    {"gaussian", InputKind::gaussian},
                                                    {"binary", InputKind::binary},
                                                    {"multisine", InputKind::multisine},
                                                    {"optimised", InputKind::optimised}},
-                 "Inputs (default optimised with --model, else orthogonal)");
+                 "Kind of the inputs (default optimised with --model, else orthogonal)");
   command.value("--amplitude", o.amplitude, "A,...", "Limit of |u|, one for all inputs, or one for each (default 1)",
                 amplitudes, "positive numbers needed, such as 2 or 0.5,2");
   command.value("--noise", o.noise, "SD:SD",
@@ -212,9 +216,9 @@ void add_plan(CLI::App& tool) {
   command.file("--model", call->model, "Preliminary model: .npz, .h5 or .mat");
   command.choice("--initial-state", o.initial_state,
                  Choices<std::optional<InitialState>>{{"zero", InitialState::zero}, {"unknown", InitialState::unknown}},
-                 "States at step 0 (default zero; with --model: as it says)");
+                 "States at step 0 (default zero; with --model: as in the model)");
   command.flag("--nominal", o.nominal, "The experiments depart from a mean motion, which is removed from the data");
-  command.number("--dt", o.dt, "SECONDS", "Sample time (default 1; with --model: its own)",
+  command.number("--dt", o.dt, "SECONDS", "Sample time (default 1; with --model: that of the model)",
                  std::numeric_limits<double>::min());
   command.number<std::uint64_t>("--seed", o.seed, "S", "Seed of the random numbers (default 1)", 0);
   command.threads(o.execution.threads);

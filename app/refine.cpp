@@ -140,17 +140,18 @@ std::optional<std::optional<double>> smoothing(const std::string& text) {
 void add_refine(CLI::App& tool) {
   const auto call = std::make_shared<Call>();
   RefineOptions& o = call->options.refine;
-  Command command(tool, "refine", "Maximum likelihood by EM, from a model on",
+  Command command(tool, "refine", "Refine a model by EM (maximum likelihood)",
                   "tokid refine model.npz data.npz -o refined.npz");
   command.argument("MODEL", call->model, "Model to start from: .npz, .h5 or .mat");
   command.argument("DATA", call->data, "Ensemble: .npz, .h5, .mat or .csv");
   command.output(call->output, "Model to write: .npz, .h5 or .mat");
   command.columns(call->read);
-  command.value("--smoothing", call->options.smoothing, "LAMBDA|auto",
-                "Penalty on variation over time (auto: as the model was identified, else by cross-validation)",
-                smoothing, "a number from 0 on, infinity or auto needed");
-  command.number<Index>("--period", call->period, "P", "Steps k and k+P share their matrices, 1: all steps", 1,
-                        1'000'000'000);
+  command.value(
+      "--smoothing", call->options.smoothing, "LAMBDA|auto",
+      "Penalty lambda on variation over time (auto: that of the identification of the model, else by cross-validation)",
+      smoothing, "a number from 0 on, infinity or auto needed");
+  command.number<Index>("--period", call->period, "P", "Steps k and k+P share their matrices (1: all steps share them)",
+                        1, 1'000'000'000);
   command.flag(
       "--feedthrough", [call] { call->options.feedthrough = true; },
       "Estimate D, also if the model was identified without it");
@@ -158,11 +159,11 @@ void add_refine(CLI::App& tool) {
       "--no-feedthrough", [call] { call->options.feedthrough = false; },
       "D is 0: outputs do not respond to the inputs of the same step");
   command.excludes("--no-feedthrough", "--feedthrough");
-  command.number<Index>("--iterations", o.iterations, "N", "At most so many iterations (default 60)", 1, 1'000'000);
+  command.number<Index>("--iterations", o.iterations, "N", "Largest number of iterations (default 60)", 1, 1'000'000);
   command.choice("--initial-state", o.initial_state,
                  Choices<std::optional<InitialState>>{
                      {"auto", std::nullopt}, {"zero", InitialState::zero}, {"unknown", InitialState::unknown}},
-                 "States at step 0 (auto: as the data say, else as the model was identified)");
+                 "States at step 0 (auto: as the data state, else as in the identification of the model)");
   command.threads(o.execution.threads);
   command.verbose(call->verbose);
   command.flag("--json", call->json, "Print one JSON object");

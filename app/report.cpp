@@ -57,19 +57,19 @@ void run(const Call& call) {
 
 void add_report(CLI::App& tool) {
   const auto call = std::make_shared<Call>();
-  Command command(tool, "report", "A page (HTML) that shows whether a model can be trusted",
+  Command command(tool, "report", "Write a page (HTML) that shows whether a model can be trusted",
                   "tokid report model.npz fresh.npz -o page.html");
   command.argument("MODEL", call->model, "Model: .npz, .h5 or .mat");
   command.data("DATA", call->paths, call->data,
                "Ensemble: .npz, .h5, .mat or .csv; or many .csv: files, a folder, a pattern");
   command.output(call->output, "Page to write: .html");
   command.columns(call->read);
-  command.number<Index>("--horizon", call->options.horizon, "H", "Steps ahead of the multi-step fit (default 10)", 1,
-                        1'000'000);
+  command.number<Index>("--horizon", call->options.horizon, "H",
+                        "Number of steps ahead of the multi-step predictions (default 10)", 1, 1'000'000);
   command.number<Index>("--from", call->options.first_step, "STEP",
                         "First step of the fits, for example after a start that no model can know", 0, 1'000'000'000);
   command.number<Index>("--experiments", call->options.experiments, "N",
-                        "Experiments in the plots, at most (default 24)", 1, 1000);
+                        "Largest number of experiments in the plots (default 24)", 1, 1000);
   command.files("--compare", call->compare, "Other models of the same channels, to compare on the page");
   command.file(
       "--bands", call->identified,

@@ -38,7 +38,7 @@ void run(const Call& call) {
 
 void add_simulate(CLI::App& tool) {
   const auto call = std::make_shared<Call>();
-  Command command(tool, "simulate", "Outputs of a model for new inputs",
+  Command command(tool, "simulate", "Simulate the outputs of a model for new inputs",
                   "tokid simulate model.npz inputs.npz -o simulated.npz");
   command.argument("MODEL", call->model, "Model: .npz, .h5 or .mat");
   command.argument("INPUTS", call->inputs, "Ensemble with the inputs; only --estimate-state uses its outputs");

@@ -126,14 +126,14 @@ void run(Call call) {
 
 void add_update(CLI::App& tool) {
   const auto call = std::make_shared<Call>();
-  Command command(tool, "update", "Add later experiments to a state, and identify the model of all",
+  Command command(tool, "update", "Add later experiments to a state file, and identify the model of all experiments",
                   "tokid update state.h5 tuesday.npz wednesday.npz -o model.npz");
-  command.argument("STATE", call->state,
-                   "State that identify --state has written; the new experiments are added to this file");
+  command.argument("STATE", call->state, "State file of identify --state, to which the new experiments are added");
   command.argument("NEWDATA", call->data, "Ensembles of the new experiments: .npz, .h5, .mat or .csv");
   command.file("-o,--output", call->model, "Model of all experiments to write: .npz, .h5 or .mat");
   command.columns(call->options.read);
-  command.number("--wait", call->wait, "SECONDS", "Longest wait for another update of the state (default 60)", 0.0);
+  command.number("--wait", call->wait, "SECONDS", "Longest wait while another update uses the state file (default 60)",
+                 0.0);
   command.threads(call->options.execution.threads);
   command.flag("--json", call->json, "Print one JSON object");
   command.flag("--quiet", call->quiet, "Print warnings and errors only");

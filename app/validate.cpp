@@ -280,7 +280,7 @@ void run(const Call& call) {
 
 void add_validate(CLI::App& tool) {
   const auto call = std::make_shared<Call>();
-  Command command(tool, "validate", "How good a model is on data: fits, and tests of its innovations",
+  Command command(tool, "validate", "Test a model on data: fits, and tests of its innovations",
                   "tokid validate model.npz fresh.npz --horizon 10");
   command.argument("MODEL", call->model, "Model: .npz, .h5 or .mat");
   command.data("DATA", call->paths, call->data,

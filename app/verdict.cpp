@@ -93,7 +93,7 @@ NextStep test_on_other_data(const fs::path& model, const std::vector<fs::path>& 
 
 NextStep next_step(const Verdict& verdict, const Findings& findings, const Tested& tested) {
   if (any_of(findings, faulty_data))
-    return {"correct the data as the warnings say; look at them again", look_at(tested)};
+    return {"correct the data as the warnings say, and look at the data again", look_at(tested)};
   if (any_against(verdict, {Check::channels}))
     return {"compare the sample times, names and units of data and model", look_at(tested)};
   if (tested.identify && std::any_of(findings.begin(), findings.end(), used_outlier))
@@ -103,7 +103,7 @@ NextStep next_step(const Verdict& verdict, const Findings& findings, const Teste
   if (any_of(findings, too_few) || any_against(verdict, {Check::samples, Check::missing}))
     return plan_more("measure more experiments, for example with these inputs", tested);
   if (tested.seen && tested.identify && tested.can_hold_out)
-    return {"test the model on experiments that it has not seen", tested.identify("--hold-out 0.2")};
+    return {"test the model on experiments that the identification did not use", tested.identify("--hold-out 0.2")};
   if (tested.seen || any_against(verdict, {Check::experiments, Check::coverage}))
     return test_on_other_data(tested.model, tested.data, tested.read);
   if (verdict.trust != Trust::good) return on_page("see where and when the model fails", tested);

@@ -94,9 +94,10 @@ TEST(Axes, SizesThatNoDataHaveAreTold) {
     return found ? in_words(*found) : std::string();
   };
   EXPECT_NE(remark(50, 2, 80, 80).find("50 experiments of 2 steps with 80 inputs and 80 outputs"), std::string::npos);
-  EXPECT_NE(remark(50, 2, 80, 80).find("not (N, channels, T)"), std::string::npos);
-  EXPECT_NE(remark(50, 1, 2, 1).find("One experiment of 50 steps has the shape (1, T, channels)"), std::string::npos);
-  EXPECT_NE(remark(1, 5, 7, 7).find("u (5, 7) was read as one experiment of 5 steps with 7 inputs"),
+  EXPECT_NE(remark(50, 2, 80, 80).find("not (experiments, channels, steps)"), std::string::npos);
+  EXPECT_NE(remark(50, 1, 2, 1).find("For one experiment of 50 steps, use the shape (1, 50, channels)"),
+            std::string::npos);
+  EXPECT_NE(remark(1, 5, 7, 7).find("u of shape (5, 7) was read as one experiment of 5 steps with 7 inputs"),
             std::string::npos);
   for (const auto& [N, T, r, m] :
        std::vector<std::array<Index, 4>>{{50, 5, 8, 2}, {50, 5, 2, 8}, {1, 80, 2, 2}, {5, 1, 1, 1}})

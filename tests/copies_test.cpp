@@ -217,11 +217,13 @@ TEST(Copies, AreToldByTheirRows) {
   EXPECT_EQ(copies.groups, (Groups{{0, 3, 6}, {1, 5}}));
   EXPECT_EQ(copies.used, (std::vector<Index>{0, 1, 2, 4}));
   EXPECT_EQ(in_words(findings_of(copies, e)),
-            (std::vector<std::string>{"3 of 7 experiments are copies of others, within rounding: 3 and 6 of 0; 5 of 1. "
-                                      "Each experiment was used once"}));
+            (std::vector<std::string>{
+                "3 of 7 experiments are copies of other experiments, within rounding: experiments 3 and 6 of "
+                "experiment 0; experiment 5 of experiment 1. The copies were not used"}));
   Ensemble named = e;
   set_experiment_names(named, {"a", "b", "c", "d", "e", "f", "g"});
-  EXPECT_NE(in_words(findings_of(copies, named)).front().find("\"f\" (row 5) of \"b\" (row 1)"), std::string::npos);
+  EXPECT_NE(in_words(findings_of(copies, named)).front().find("\"f\" (row 5) of experiment \"b\" (row 1)"),
+            std::string::npos);
 }
 
 // The model is that of the experiments, each of them once, to the last bit; but it knows the whole data.

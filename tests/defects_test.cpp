@@ -37,7 +37,7 @@ TEST(Defects, AreNamedAndDropped) {
       const Accused named = accused(found, defect, at);
       EXPECT_TRUE(named.right);
       EXPECT_EQ(named.wrong_experiments + named.wrong_samples, 0);
-      EXPECT_EQ(mentions(found.findings, "It was dropped"), 1);
+      EXPECT_EQ(mentions(found.findings, "was dropped"), 1);
       // Nothing else was dropped. The model is therefore that of the data without the defect.
       const Identification by_hand = identify(without_defect(data, defect, at), quick(system));
       EXPECT_EQ(found.experiments, by_hand.experiments);
@@ -54,7 +54,7 @@ TEST(Defects, AreKeptUnlessAskedOtherwise) {
   EXPECT_EQ(found.outliers.front().weight, 1.0);
   EXPECT_EQ(found.experiments, runs);
   EXPECT_TRUE(found.model.provenance.corrections.empty());
-  EXPECT_EQ(mentions(found.findings, "It was dropped"), 0);
+  EXPECT_EQ(mentions(found.findings, "was dropped"), 0);
 }
 
 TEST(Defects, CountLessIfDownweighted) {
@@ -98,7 +98,7 @@ TEST(Defects, OfHeldOutExperimentsAreNamed) {
     EXPECT_EQ(named.wrong_experiments + named.wrong_samples, 0);
     if (defect == Defect::sample) continue;
     EXPECT_TRUE(found.outliers.front().held_out);
-    EXPECT_EQ(mentions(found.findings, "It is held out"), 1);
+    EXPECT_EQ(mentions(found.findings, "The experiment is held out"), 1);
   }
 }
 

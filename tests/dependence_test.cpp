@@ -312,7 +312,7 @@ TEST(Dependence, IsFoundBesideInputsOfFewValues) {
       const Dependence found = find_dependence(with(e, weights));
       ASSERT_EQ(found.combinations.size(), 1u) << seed << ' ' << levels;
       EXPECT_EQ(found.combinations.front().of, (Rows{3, 5}));
-      EXPECT_NE(in_words(findings_of(found, with(e, weights))).front().find("It adds no information"),
+      EXPECT_NE(in_words(findings_of(found, with(e, weights))).front().find("This experiment adds no information"),
                 std::string::npos);
     }
 }
@@ -326,18 +326,20 @@ TEST(Dependence, IsToldByTheRowsAndNames) {
   const Dependence found = find_dependence(all);
   EXPECT_EQ(
       in_words(findings_of(found, all)),
-      (std::vector<std::string>{"3 of 15 experiments are sums or multiples of others, within rounding: 12 of 2 and "
-                                "5; 13 of 11; 14 of 0, 1, 2, 3 and 8 more. They add no information and were "
-                                "not used"}));
+      (std::vector<std::string>{
+          "3 of 15 experiments are sums or multiples of other experiments, within rounding: experiment 12 of "
+          "experiments 2 and 5; experiment 13 of experiment 11; experiment 14 of experiments 0, 1, 2, 3 and 8 more. "
+          "These experiments add no information and were not used"}));
   std::vector<std::string> names;
   for (Index n = 0; n < 15; ++n) names.push_back("run " + std::to_string(n + 1));
   set_experiment_names(all, names);
-  EXPECT_NE(
-      in_words(findings_of(found, all)).front().find("\"run 13\" (row 12) of \"run 3\" (row 2) and \"run 6\" (row 5)"),
-      std::string::npos);
+  EXPECT_NE(in_words(findings_of(found, all))
+                .front()
+                .find("\"run 13\" (row 12) of experiments \"run 3\" (row 2) and \"run 6\" (row 5)"),
+            std::string::npos);
   EXPECT_EQ(in_words(findings_of(find_dependence(all.subset(rows(0, 13))), all.subset(rows(0, 13))))
                 .front()
-                .rfind("1 of 13 experiments is a sum or multiple of others", 0),
+                .rfind("1 of 13 experiments is a sum or multiple of other experiments", 0),
             0);
 }
 
@@ -371,7 +373,9 @@ TEST(Dependence, IsLeftAside) {
   EXPECT_EQ(confidence(plain.model, all).freedom, confidence(plain.model, own).freedom);
   const Validation validation = validate_distinct(plain.model, all);
   EXPECT_EQ(validation.simulation.fit, validate(plain.model, own).simulation.fit);
-  EXPECT_EQ(in_words(validation.findings).front().rfind("10 of 34 experiments are sums or multiples of others", 0), 0);
+  EXPECT_EQ(
+      in_words(validation.findings).front().rfind("10 of 34 experiments are sums or multiples of other experiments", 0),
+      0);
 
   UpdateState state = update_state(all, found, stated), plain_state = update_state(own, plain, stated);
   EXPECT_EQ(state.factors.factor, plain_state.factors.factor);

@@ -45,7 +45,7 @@ TEST(Excitation, InputsThatMoveTogetherAreNamedWithTheirSteps) {
   const Excitation found = excitation(e, {.lags = 2});
   EXPECT_EQ(in_words(found.findings),
             (Texts{"inputs left, right and both move together (left + 0.5 right - both is zero) in every "
-                   "experiment at steps 5–11: their effects there can't be separated"}));
+                   "experiment at steps 5–11: their effects at these steps can't be separated from each other"}));
   EXPECT_EQ(found.named, (std::vector<Index>{5, 6, 7, 8, 9, 10, 11, 12, 13}));  // windows of two lags more
 }
 
@@ -54,8 +54,9 @@ TEST(Excitation, CombinationsThatChangeAreOneWarning) {
   for (Index k = 0; k < 20; ++k) e.input(k).col(1) = (2.0 + double(k)) * e.input(k).col(0);
   EXPECT_EQ(
       in_words(excitation(e, {.lags = 2}).findings),
-      (Texts{"inputs u1 and u2 move together (a combination of u1 and u2 that changes from step to step is zero) in "
-             "every experiment at steps 0–19: their effects there can't be separated"}));
+      (Texts{
+          "inputs u1 and u2 move together (a weighted sum of u1 and u2, with weights that change from step to step, is zero) in "
+          "every experiment at steps 0–19: their effects at these steps can't be separated from each other"}));
 }
 
 TEST(Excitation, InputsThatFollowFromWhatWasBefore) {
@@ -65,15 +66,15 @@ TEST(Excitation, InputsThatFollowFromWhatWasBefore) {
   EXPECT_EQ(
       in_words(excitation(held, {.lags = 2}).findings),
       (Texts{
-          "input u1 follows from earlier inputs (u1(k) - u1(k-1) is zero) in every experiment at steps 1–3, "
-          "5–7, 9–11, 13–15 and 17–19: its effect there can't be separated from theirs"}));
+          "input u1 is determined by earlier inputs (u1(k) - u1(k-1) is zero) in every experiment at steps 1–3, "
+          "5–7, 9–11, 13–15 and 17–19: its effect at these steps can't be separated from the effects of the earlier inputs"}));
   Ensemble fed = inputs(1);
   for (Index k = 3; k < 20; ++k) fed.input(k) = 0.5 * fed.output(k - 1).col(1);
   EXPECT_EQ(
       in_words(excitation(fed, {.lags = 2}).findings),
       (Texts{
-          "input u1 follows from the samples before it (u1(k) - 0.5 y2(k-1) is zero) in every experiment at "
-          "steps 3–19. It is a feedback without independent variation, so its effect there can't be separated from theirs. Add a variation of its own to the input"}));
+          "input u1 is determined by the samples before it (u1(k) - 0.5 y2(k-1) is zero) in every experiment at "
+          "steps 3–19. The input is a feedback without independent variation, so its effect at these steps can't be separated from the effects of these samples. Add an independent variation to the input"}));
 }
 
 TEST(Excitation, OfOneRecord) {
@@ -86,8 +87,7 @@ TEST(Excitation, OfOneRecord) {
   EXPECT_EQ(
       in_words(excitation(e, {.lags = 4, .period = 1, .centred = false}).findings),
       (Texts{
-          "input u1 follows from earlier inputs (u1(k) - 1.76 u1(k-1) + u1(k-2) is zero: the input consists of one frequency, but 5 "
-          "are needed at lag order 4) at every step: its effect there can't be separated from theirs"}));
+          "input u1 is determined by earlier inputs (u1(k) - 1.76 u1(k-1) + u1(k-2) is zero: the input consists of one frequency, but lag order 4 needs 5) at every step: its effect at these steps can't be separated from the effects of the earlier inputs"}));
   for (Index k = 0; k < 300; ++k) e.u(0, k, 0) = random.normal();
   EXPECT_EQ(in_words(excitation(e, {.lags = 4, .period = 1, .centred = false}).findings), Texts{});
 }
@@ -95,20 +95,23 @@ TEST(Excitation, OfOneRecord) {
 TEST(Excitation, OutputsThatMoveTogetherOrRest) {
   Ensemble e = inputs(2);
   for (Index k = 0; k < 20; ++k) e.output(k).col(1) = 3.0 - 2 * e.output(k).col(0).array();
-  EXPECT_EQ(in_words(findings_of_dependent_outputs(e)),
-            (Texts{"outputs y1 and y2 move together (y1 + 0.5 y2 is constant) at all steps: y2 adds no information to "
-                   "the other outputs"}));
+  EXPECT_EQ(
+      in_words(findings_of_dependent_outputs(e)),
+      (Texts{"outputs y1 and y2 move together (y1 + 0.5 y2 is constant) at all steps: output y2 adds no information to "
+             "the other outputs"}));
   e = inputs(2);
   for (Index k = 0; k < 20; ++k) {
     if (k < 3 || k == 7) e.output(k).col(0).setConstant(1.0);  // the first steps may well be at rest
     if (k > 10) e.y(4, k, 1) = e.y(4, 10, 1) = 2.5;
   }
-  EXPECT_EQ(in_words(findings_of_dependent_outputs(e)),
-            (Texts{"output y1 is the same in every experiment at step 7: nothing can be identified about it there"}));
+  EXPECT_EQ(
+      in_words(findings_of_dependent_outputs(e)),
+      (Texts{
+          "output y1 is the same in every experiment at step 7: nothing about this output can be identified at these steps"}));
   EXPECT_EQ(
       in_words(stuck_outputs(e, 100).findings),
       (Texts{
-          "output y2 stays at 2.5 in experiment 4 at steps 110–119, while the inputs of this experiment move. Check whether its sensor is stuck"}));
+          "output y2 stays at 2.5 in experiment 4 at steps 110–119, while the inputs of this experiment move. Check whether the sensor of this output was stuck"}));
 }
 
 // What nothing is wrong with, and what chance makes of few experiments.
@@ -134,9 +137,9 @@ TEST(Excitation, FeedbackOfTheSameStepIsSeen) {
   for (Index k = 3; k < 20; ++k) fed.input(k) = 0.5 * fed.output(k).col(0) - fed.output(k).col(1);
   const Texts found = in_words(excitation(fed, {.lags = 2, .noisy = true}).findings);
   ASSERT_EQ(found.size(), 1u);
-  EXPECT_NE(
-      found.front().find("(u1(k) - 0.5 y1(k) + y2(k) is zero) in every experiment at steps 3–19. It is a feedback"),
-      std::string::npos)
+  EXPECT_NE(found.front().find(
+                "(u1(k) - 0.5 y1(k) + y2(k) is zero) in every experiment at steps 3–19. The input is a feedback"),
+            std::string::npos)
       << found.front();
 }
 
@@ -195,8 +198,7 @@ TEST(Excitation, ASumOfSinesIsCounted) {
   EXPECT_EQ(
       in_words(excitation(e, {.lags = 8, .period = 1, .centred = false}).findings),
       (Texts{
-          "input u1 follows from earlier inputs (a combination of u1(k) and u1(k-1…6) is zero: the input consists of 3 "
-          "frequencies, but 9 are needed at lag order 8) at every step: its effect there can't be separated from theirs"}));
+          "input u1 is determined by earlier inputs (a weighted sum of u1(k) and u1(k-1…6) is zero: the input consists of 3 frequencies, but lag order 8 needs 9) at every step: its effect at these steps can't be separated from the effects of the earlier inputs"}));
 }
 
 TEST(Excitation, OutputsThatRestWithTheirInputsAreNotStuck) {

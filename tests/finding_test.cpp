@@ -64,26 +64,24 @@ TEST(Finding, SentencesAreComplete) {
 // Each explanation has a name of its own, and its sentence needs only the fields of its kind.
 TEST(Finding, ExplanationsHaveNamesAndSentences) {
   const std::pair<Explanation, const char*> all[] = {
-      {{.kind = Explanation::Kind::swapped, .channels = {u1, u2}},
-       "with inputs u1 and valve swapped it would fit the others"},
-      {{.kind = Explanation::Kind::at_zero, .channels = {u2}}, "with input valve at zero it would fit the others"},
-      {{.kind = Explanation::Kind::sign_changed, .channels = {y1}},
-       "with the sign of output y1 changed it would fit the others"},
+      {{.kind = Explanation::Kind::swapped, .channels = {u1, u2}}, "It would fit with inputs u1 and valve swapped"},
+      {{.kind = Explanation::Kind::at_zero, .channels = {u2}}, "It would fit with input valve at zero"},
+      {{.kind = Explanation::Kind::sign_changed, .channels = {y1}}, "It would fit with the sign of output y1 changed"},
       {{.kind = Explanation::Kind::scaled, .channels = {y1}, .numbers = {{"factor", 1000.0}}},
-       "with output y1 multiplied by 1000 it would fit the others"},
+       "It would fit with output y1 multiplied by 1000"},
       {{.kind = Explanation::Kind::outputs_scaled, .numbers = {{"factor", 0.5}}},
-       "with all outputs multiplied by 0.5 it would fit the others"},
+       "It would fit with all outputs multiplied by 0.5"},
       {{.kind = Explanation::Kind::offset, .channels = {y1}, .numbers = {{"offset", -2.0}}},
-       "with 2 subtracted from output y1 it would fit the others"},
+       "It would fit with 2 subtracted from output y1"},
       {{.kind = Explanation::Kind::shifted, .channels = {u1}, .numbers = {{"earlier", -1.0}}},
-       "with input u1 1 step later it would fit the others"},
+       "It would fit with input u1 1 step later"},
       {{.kind = Explanation::Kind::outputs_shifted, .numbers = {{"earlier", 2.0}}},
-       "with the outputs 2 steps earlier it would fit the others"},
+       "It would fit with the outputs 2 steps earlier"},
       {{.kind = Explanation::Kind::all_shifted, .numbers = {{"earlier", 1.0}}},
-       "with everything 1 step earlier it would fit the others"},
+       "It would fit with all channels 1 step earlier"},
       {{.kind = Explanation::Kind::stuck, .channels = {y1}, .steps = {3, 9}, .numbers = {{"value", 0.5}}},
-       "its output y1 stays at 0.5 at steps 3–9"},
-      {{.kind = Explanation::Kind::one_output, .channels = {y1}}, "nearly all of the residual is in output y1"}};
+       "Its output y1 stays at 0.5 at steps 3–9"},
+      {{.kind = Explanation::Kind::one_output, .channels = {y1}}, "Nearly all of its residual is in output y1"}};
   ASSERT_EQ(std::size(all), size_t(Explanation::Kind::last) + 1);
   std::set<std::string> names;
   for (const auto& [explanation, sentence] : all) {
@@ -110,7 +108,7 @@ TEST(Conclusion, SentencesAreComplete) {
   all.reason = Conclusion::Reason::correlated;
   EXPECT_EQ(in_words(all),
             "p = 0.003: the innovations are correlated in time, up to 0.1 at lag 1, too small to matter (less than "
-            "0.2); over all steps together, because the experiments are few");
+            "0.2); tested over all steps together, because there are few experiments");
   all.reason = Conclusion::Reason::gains_wrong;
   EXPECT_EQ(in_words(all),
             "the outputs respond to u1 50 % less than the model says (± 10 %), to valve 25 % more than the model says "
@@ -141,12 +139,12 @@ TEST(Finding, SamplesOfLongSumsAreNamedByTheirLags) {
 TEST(Finding, ScopesAndFiles) {
   Finding found{.kind = Kind::output_constant, .channels = {y1}};
   const std::string plain = in_words(found);
-  EXPECT_EQ(plain, "output y1 is constant: nothing can be identified about it");
+  EXPECT_EQ(plain, "output y1 is constant: nothing about this output can be identified");
   found.file = "run.csv";
   EXPECT_EQ(in_words(found), "run.csv: " + plain);
   found.file.clear();
   found.scope = Finding::Scope::deciding_stretches;
-  EXPECT_EQ(in_words(found), "in the deciding stretches, " + plain);
+  EXPECT_EQ(in_words(found), "in the stretches of the data on which tokid made its choices, " + plain);
   found.scope = Finding::Scope::folds;
   found.numbers = {{"folds", 5.0}, {"folds_with", 2.0}};
   EXPECT_EQ(in_words(found), "cross-validation, 2 of 5 folds: " + plain);

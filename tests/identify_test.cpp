@@ -205,7 +205,7 @@ TEST(Identify, TooFewExperimentsAreCountedAndTheOrderThatWouldDoIsNamed) {
   EXPECT_EQ(
       message([&] { identify(e, {.lags = 2, .method = Method::tvera}); }),
       "experiments: 9 found, lag order 2 with 2 inputs and 2 outputs needs at least 10 (r + p(r+m)); 9 suffice for "
-      "lag orders up to 1; coupled steps need fewer experiments (omit --method tvera)");
+      "lag orders up to 1; with smoothing over time, fewer experiments suffice (omit --method tvera)");
   EXPECT_NE(message([&] {
               identify(experiments(oscillator(40), {.experiments = 3}), {.lags = 1, .method = Method::tvera});
             }).find("too few for any lag order, 6 are needed for lag order 1"),
@@ -290,7 +290,7 @@ TEST(Identify, SingleExperimentsAreNamedWithHoldOutToo) {
     EXPECT_EQ(found.outliers.front().experiment, 16);
     EXPECT_EQ(found.outliers.front().name, "17");
     const auto told = [&](const std::string& text) { return mentions(found.findings, text); };
-    EXPECT_EQ(told("experiment \"17\" (row 16) does not fit the others"), 1);
+    EXPECT_EQ(told("experiment \"17\" (row 16) does not fit the other experiments"), 1);
     EXPECT_EQ(
         told("experiment \"42\" (row 41) begins at step 15, after experiment \"21\" (row 20) has ended at step 13"), 1);
   }
@@ -324,7 +324,7 @@ TEST(Identify, OneModelServesALongRecordWhereItPredictsBetter) {
   const Identification together = identify(data);
   EXPECT_EQ(together.plan.choices.variation.period, 1);
   EXPECT_EQ(together.plan.choices.refinement_iterations, 0);
-  EXPECT_TRUE(mentions(together.findings, "one model is used for all steps"));
+  EXPECT_TRUE(mentions(together.findings, "tokid uses one model for all steps"));
   const Identification varying = identify(data, {.jumps = std::vector<Index>{}});
   EXPECT_EQ(varying.plan.choices.variation.period, 0);
   const Validation one = validate(together.model, fresh), many = validate(varying.model, fresh);
@@ -369,7 +369,7 @@ TEST(Identify, AskingForMoreStatesThanThereAreIsAnswered) {
   const Ensemble e = experiments(oscillator(40), {.experiments = 30});
   const Identification result = identify(e, {.states = 6, .lags = 3});
   EXPECT_EQ(result.model.states(), 4);
-  EXPECT_TRUE(mentions(result.findings, "6 states asked for, but the Hankel matrices have at most rank 4"));
+  EXPECT_TRUE(mentions(result.findings, "6 states were asked for, but the Hankel matrices have at most rank 4"));
   EXPECT_TRUE(mentions(identify(e, {.states = 4, .lags = 1, .method = Method::tvera}).findings,
                        "lag order 1 with 2 outputs allows at most 2"));
 }
@@ -580,7 +580,7 @@ TEST(Identify, FreeResponsesOfAMovingRigAreDepartures) {
   e.free = {1, 50, e.free.y.topRows(1)};
   EXPECT_TRUE(mentions(identify(e).findings, "a single free response"));
   Ensemble few = experiments(system, {.experiments = 20, .free_responses = 2});
-  EXPECT_TRUE(mentions(identify(few).findings, "the 2 free responses don't show all 4 states from step 0 on"));
+  EXPECT_TRUE(mentions(identify(few).findings, "the 2 free responses show all 4 states only from step"));
 }
 
 TEST(Identify, OutputsThatDoNotAnswerHaveNoStates) {

@@ -411,7 +411,7 @@ TEST(InputGains, TellHowMuchStrongerTheEffectsAre) {
     const Conclusion against = conclusions(validate(wrong, data), {}).gains;
     EXPECT_EQ(against.result, TestResult::against);
     EXPECT_EQ(against.reason, Conclusion::Reason::gains_wrong);
-    EXPECT_NE(in_words(against).find("to u2 the other way than the model says"), std::string::npos)
+    EXPECT_NE(in_words(against).find("to u2 with the opposite sign of what the model says"), std::string::npos)
         << in_words(against);
   }
 }

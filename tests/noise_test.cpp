@@ -299,7 +299,8 @@ TEST(Noise, AsManyWindowsAsUnknownsAreNotTakenForDataWithoutNoise) {
       "steps: 6 windows of 7 successive steps found, at least 13 needed at lag order 6; a smaller lag order needs fewer");
   const Identification few = identify(record, {.lags = 3, .period = 1});
   EXPECT_TRUE(few.plan.noisy);
-  EXPECT_TRUE(mentions(few.findings, "9 windows of 4 successive steps found, which are few for the 7 unknowns"));
+  EXPECT_TRUE(
+      mentions(few.findings, "the data have only 9 windows of 4 successive steps. This is few for the 7 unknowns"));
 }
 
 // The second of two outputs that are the same says nothing new, and one that rests nothing at all.
@@ -319,7 +320,7 @@ TEST(Noise, OutputsThatRepeatEachOtherOrRestAreNoEvidence) {
   }
   alone.initial_state = e.initial_state;
   EXPECT_NEAR(found.validation.one_step.fit(0), identify(alone).validation.one_step.fit(0), 1.0);
-  EXPECT_TRUE(mentions(found.findings, "output y2 is constant: nothing can be identified about it"));
+  EXPECT_TRUE(mentions(found.findings, "output y2 is constant: nothing about this output can be identified"));
 }
 
 TEST(Noise, WhatIsOfNoUseIsSaid) {
@@ -335,11 +336,11 @@ TEST(Noise, WhatIsOfNoUseIsSaid) {
   Random random(91);
   Ensemble noise = noisy_experiments(system, 30, 91);
   for (Index k = 0; k < 30; ++k) noise.output(k) = random.matrix(30, 2);
-  EXPECT_TRUE(
-      says(identify(noise, {.lags = 2, .refine = false, .hold_out = 0.5}), "is predicted no better than by its mean"));
+  EXPECT_TRUE(says(identify(noise, {.lags = 2, .refine = false, .hold_out = 0.5}),
+                   "are no better than the mean of this output"));
   // A record of one experiment that is too short to be cut has nothing to choose lambda by.
   EXPECT_TRUE(says(identify(noisy_experiments(periodic_system({2, 1, 1}, 90, 40, 0.9, 92), 1, 93), {.period = 40}),
-                   "the record is too short to choose lambda"));
+                   "a single record is too little data to choose the smoothing lambda"));
 }
 
 TEST(Noise, FirstStepsThatAreJudgedAreTold) {
@@ -366,11 +367,12 @@ TEST(Noise, RefinementOfAVaryingModelOnOneRecordWarns) {
   const Model start = identify(noisy_experiments(system, 40, 75), {.states = 4, .lags = 4, .refine = false}).model;
   const RefineOptions o{.smoothing = 1.0, .iterations = 2};
   const auto says = [](const Refinement& r, const char* text) { return mentions(r.findings, text) > 0; };
-  EXPECT_TRUE(says(refine(start, noisy_experiments(system, 1, 76), o), "1 experiment is less than the 6 unknowns"));
-  EXPECT_FALSE(says(refine(start, noisy_experiments(system, 8, 76), o), "less than the"));
+  EXPECT_TRUE(says(refine(start, noisy_experiments(system, 1, 76), o), "1 experiment is fewer than the 6 unknowns"));
+  EXPECT_FALSE(says(refine(start, noisy_experiments(system, 8, 76), o), "fewer than the"));
   EXPECT_TRUE(says(refine(start, noisy_experiments(oscillator(50), 8, 76), o),
-                   "EM started the later steps from this last step"));
-  EXPECT_TRUE(says(refine(start, noisy_experiments(oscillator(30), 8, 76), o), "It now ends with the data"));
+                   "EM started from the matrices of this last step"));
+  EXPECT_TRUE(says(refine(start, noisy_experiments(oscillator(30), 8, 76), o),
+                   "The new model ends with the last step of the data"));
   EXPECT_EQ(message([&] { refine(start, noisy_experiments(system, 8, 76), {.period = 40}); }),
             "period: 40 found, less than the 40 steps of the data needed");
 }

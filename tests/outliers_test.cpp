@@ -43,13 +43,13 @@ class Fault : public ::testing::Test {
 };
 
 TEST_F(Fault, IsNamedWithWhatWouldExplainIt) {
-  expect("with outputs y1 and y2 swapped it would fit the others",
+  expect("It would fit with outputs y1 and y2 swapped",
          [](Ensemble& e, const Ensemble&, Index k) { std::swap(e.y(12, k, 0), e.y(12, k, 1)); });
-  expect("with inputs u1 and u2 swapped it would fit the others",
+  expect("It would fit with inputs u1 and u2 swapped",
          [](Ensemble& e, const Ensemble&, Index k) { std::swap(e.u(12, k, 0), e.u(12, k, 1)); });
-  expect("with the sign of input u2 changed it would fit the others",
+  expect("It would fit with the sign of input u2 changed",
          [](Ensemble& e, const Ensemble&, Index k) { e.u(12, k, 1) *= -1; });
-  expect("with the outputs 2 steps earlier it would fit the others", [](Ensemble& e, const Ensemble& before, Index k) {
+  expect("It would fit with the outputs 2 steps earlier", [](Ensemble& e, const Ensemble& before, Index k) {
     for (Index j = 0; j < 2; ++j) e.y(12, k, j) = k < 2 ? nan : before.y(12, k - 2, j);
   });
 }

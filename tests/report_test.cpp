@@ -225,7 +225,7 @@ TEST(Verdict, DoesNotTrustFewTrainingExperiments) {
   const Ensemble data = experiments(oscillator(40), options);
   const Verdict v = verdict(identify(data, {.lags = 2}).model, data);
   EXPECT_EQ(v.trust, Trust::look_closer);
-  EXPECT_TRUE(contains(all_reasons(v), "only on training data, 10 experiments for 10 unknowns")) << all_reasons(v);
+  EXPECT_TRUE(contains(all_reasons(v), "only on its training data: 10 experiments for 10 unknowns")) << all_reasons(v);
 }
 
 TEST(Verdict, DoesNotTrustAWrongModel) {
@@ -247,7 +247,7 @@ TEST(Verdict, ReadsTheInnovations) {
   Verdict v = verdict(overconfident, data);
   EXPECT_EQ(v.trust, Trust::look_closer);
   EXPECT_TRUE(contains(all_reasons(v), "Squared innovations: 2.49 times the stated covariance") &&
-              contains(all_reasons(v), "it is overconfident"))
+              contains(all_reasons(v), "the model is overconfident"))
       << all_reasons(v);
   Model wrong = truth;
   for (Step& step : wrong.step) step.D()(0, 0) += 0.05;
@@ -286,9 +286,9 @@ TEST(ReportPage, SaysOfEachTestWhatValidateSays) {
         against = against || c.result == TestResult::against;
         negligible = negligible || c.result == TestResult::negligible;
       }
-      const bool none = contains(page.html, "None of the checks of this page speaks against the model.");
+      const bool none = contains(page.html, "No check of this page speaks against the model.");
       EXPECT_EQ(none, page.verdict.reasons.empty() && !negligible) << error;
-      EXPECT_EQ(contains(page.html, "No check counts against the model."), page.verdict.reasons.empty() && negligible);
+      EXPECT_EQ(contains(page.html, "No check speaks against the model."), page.verdict.reasons.empty() && negligible);
       if (against) {
         EXPECT_NE(page.verdict.trust, Trust::good);
       }
@@ -378,7 +378,7 @@ TEST(Verdict, SaysWhichStepsWereNotTested) {
   for (Step& step : model.step) step.G().setZero();
   const Verdict v = verdict(model, noisy(20, 42, 20));
   EXPECT_EQ(v.trust, Trust::look_closer) << v.summary;
-  EXPECT_TRUE(contains(all_reasons(v), "test only 20 of the model's 60 steps; they do not test steps 20–59"))
+  EXPECT_TRUE(contains(all_reasons(v), "test only 20 of the model's 60 steps; the data do not test steps 20–59"))
       << all_reasons(v);
 }
 
@@ -487,7 +487,8 @@ TEST(Verdict, ComparesTimeAndNames) {
   EXPECT_EQ(v.trust, Trust::look_closer);
   EXPECT_TRUE(contains(all_reasons(v), "The data's dt = 0.1 s differs from the model's dt = 0.05 s."))
       << all_reasons(v);
-  EXPECT_TRUE(contains(all_reasons(v), "The data's inputs are named b, a, the model's a, b.")) << all_reasons(v);
+  EXPECT_TRUE(contains(all_reasons(v), "The data's inputs are named b, a, but the model's inputs are named a, b."))
+      << all_reasons(v);
 }
 
 TEST(Verdict, CountsMissingSamples) {
@@ -711,25 +712,25 @@ TEST(Verdict, StatesTheRuleThatDecidedATestOfTheInnovations) {
   v.squares.ratio = 12;
   v.squares.p = 0.2;
   EXPECT_EQ(conclusions(v, model.names).nis.reason, Reason::size_of_experiments);
-  expect(check_of(stated(v), "nis"), Trust::look_closer, "12 times, p = 0.2",
+  expect(check_of(stated(v), "nis"), Trust::look_closer, "12 times the stated covariance, p = 0.2",
          "10 times the stated covariance or less, for p of 0.01 or more");
   v.squares.ratio = 5;
-  expect(check_of(stated(v), "nis"), Trust::good, "5 times, p = 0.2",
+  expect(check_of(stated(v), "nis"), Trust::good, "5 times the stated covariance, p = 0.2",
          "10 times the stated covariance or less, for p of 0.01 or more");
   v.squares.p = 0.002;
-  expect(check_of(stated(v), "nis"), Trust::look_closer, "5 times, p = 0.002",
+  expect(check_of(stated(v), "nis"), Trust::look_closer, "5 times the stated covariance, p = 0.002",
          "2 times the stated covariance or less, for p below 0.01");
   v.gains.error = Vector{{0.5, 0.0}};
   v.gains.deviation = Vector{{0.1, 0.1}};
   v.gains.share = Vector{{0.9, 0.9}};
-  expect(check_of(stated(v), "gains"), Trust::look_closer, "significant error of 45 % of the simulation",
+  expect(check_of(stated(v), "gains"), Trust::look_closer, "significant error of 45 % of the simulated outputs",
          "no significant error, or one below 20 %");
   v.gains.share = Vector{{0.3, 0.9}};
-  expect(check_of(stated(v), "gains"), Trust::good, "significant error of 15 % of the simulation",
+  expect(check_of(stated(v), "gains"), Trust::good, "significant error of 15 % of the simulated outputs",
          "no significant error, or one below 20 %");
   v.gains.deviation = Vector{{0.8, 0.1}};
   v.gains.share = Vector{{0.9, 0.9}};  // 0.9 · 0.8 times the quantile of 99 %, 2.576
-  expect(check_of(stated(v), "gains"), Trust::look_closer, "99 % interval of ± 185 % of the simulation",
+  expect(check_of(stated(v), "gains"), Trust::look_closer, "99 % interval of ± 185 % of the simulated outputs",
          "± 50 % or less");
 }
 
@@ -877,8 +878,8 @@ TEST(Verdict, StatesNoLimitOfDistrustWhereAnExceptionApplies) {
   EXPECT_EQ(excused.result, Trust::look_closer) << all_reasons(v);
   EXPECT_TRUE(std::isnan(excused.figures.front().distrust));
   const std::string page = report_page(model, data).html;
-  EXPECT_TRUE(contains(page, "if predictions 10&nbsp;steps ahead fit") ||
-              contains(page, "if predictions 10 steps ahead fit"));
+  EXPECT_TRUE(contains(page, "if predictions 10&nbsp;steps ahead have a fit") ||
+              contains(page, "if predictions 10 steps ahead have a fit"));
   // Without an exception the limit is there.
   Model wrong = model;
   for (Step& step : wrong.step) step.B()(0, 0) = -1.0;
@@ -1032,7 +1033,7 @@ TEST(Validated, IsTheValidationAndTheVerdict) {
 TEST(Verdict, CountsOneExperimentAsHardlyATest) {
   const Verdict v = verdict(oscillator(40), noisy(1, 9));
   EXPECT_EQ(v.trust, Trust::look_closer);
-  EXPECT_TRUE(contains(all_reasons(v), "Only one experiment")) << all_reasons(v);
+  EXPECT_TRUE(contains(all_reasons(v), "tested on only one experiment")) << all_reasons(v);
 }
 
 // Whole pages

@@ -232,20 +232,20 @@ TEST(Update, RefusesWhatDoesNotFit) {
   UpdateState state = update_state(e, result, {});
   const auto refusal = [&](const Ensemble& more) { return message([&] { update(state, more); }); };
   EXPECT_EQ(refusal(random_experiments(random_system({3, 2, 1}, 21, 1.0, 13), 30, 14)),
-            "steps: 21 found, 20 needed as in the experiments before");
+            "steps: 21 found, 20 needed as in the earlier experiments");
   EXPECT_EQ(refusal(random_experiments(random_system({3, 1, 1}, 20, 1.0, 13), 30, 14)),
-            "outputs: 1 found, 2 needed as in the experiments before");
+            "outputs: 1 found, 2 needed as in the earlier experiments");
   Ensemble other = random_experiments(random_system({3, 2, 1}, 20, 1.0, 13), 30, 15);
   other.dt = 0.5;
-  EXPECT_EQ(refusal(other), "dt: 0.5 found, 1 needed as in the experiments before");
+  EXPECT_EQ(refusal(other), "dt: 0.5 found, 1 needed as in the earlier experiments");
   other.dt = 1.0;
   other.names.output_names = {"a", "b"};
-  EXPECT_EQ(refusal(other), "output: a found, y1 needed as in the experiments before");
+  EXPECT_EQ(refusal(other), "output: a found, y1 needed as in the earlier experiments");
   EXPECT_EQ(state.factors.experiments, 30);
   IdentifyOptions held;
   held.hold_out = 0.3;
   EXPECT_EQ(message([&] { update_state(e, identify(e, held), held); }),
-            "hold-out fraction: found, but an update state needs all experiments; use no hold-out");
+            "hold-out fraction: held-out experiments found, but a state file needs all experiments; use no hold-out");
 }
 
 // Experiments in a random order, of a random system; some have gaps.
@@ -289,13 +289,13 @@ TEST(Update, LeavesOutWhatTheStateHas) {
     ASSERT_EQ(told.size(), 1);
     const std::string count = fmt::format("{} of {} experiments ", overlap, end - first + overlap);
     EXPECT_EQ(told.front().find(count), 0) << told.front();
-    EXPECT_NE(told.front().find("in the update state already: \""), std::string::npos) << told.front();
+    EXPECT_NE(told.front().find("in the state file already: \""), std::string::npos) << told.front();
     // Any part of what was given adds nothing.
     const UpdateState before = twice;
     EXPECT_EQ(in_words(update(twice, e.subset(range(0, end)))),
-              std::vector{fmt::format("all {} experiments are in the update state already. Nothing is added", end)});
+              std::vector{fmt::format("all {} experiments are in the state file already. Nothing is added", end)});
     EXPECT_EQ(in_words(update(twice, e.subset({first}))),
-              std::vector<std::string>{"the experiment is in the update state already. Nothing is added"});
+              std::vector<std::string>{"the experiment is in the state file already. Nothing is added"});
     expect_same_state(twice, before);
     EXPECT_TRUE(has_seen(identify(twice).model.provenance, e.subset(range(0, end))));
   }
@@ -310,15 +310,18 @@ TEST(Update, NamesWhatItLeavesOut) {
     UpdateState own = state;
     return in_words(update(own, more).front());
   };
-  EXPECT_EQ(told(rows), "30 of 40 experiments are in the update state already: 0–29. They are not added again");
+  EXPECT_EQ(told(rows),
+            "30 of 40 experiments are in the state file already: 0–29. These experiments are not added again");
   for (Index k = 0; k < 15; ++k) rows.output(k).row(3).array() += 1.0, rows.output(k).topRows(1).array() += 1.0;
-  EXPECT_EQ(told(rows), "28 of 40 experiments are in the update state already: 1–2 and 4–29. They are not added again");
+  EXPECT_EQ(told(rows),
+            "28 of 40 experiments are in the state file already: 1–2 and 4–29. These experiments are not added again");
   for (Index n = 0; n < 40; ++n) e.experiment_names.push_back(fmt::format("run {}", n));
   EXPECT_EQ(told(e.subset({35, 7, 36})),
-            "1 of 3 experiments is in the update state already: \"run 7\" (row 1). It is not added again");
-  EXPECT_EQ(told(e),
-            "30 of 40 experiments are in the update state already: \"run 0\" (row 0), \"run 1\" (row 1), \"run 2\" (row 2), "
-            "\"run 3\" (row 3), \"run 4\" (row 4), \"run 5\" (row 5) and 24 more. They are not added again");
+            "1 of 3 experiments is in the state file already: \"run 7\" (row 1). This experiment is not added again");
+  EXPECT_EQ(
+      told(e),
+      "30 of 40 experiments are in the state file already: \"run 0\" (row 0), \"run 1\" (row 1), \"run 2\" (row 2), "
+      "\"run 3\" (row 3), \"run 4\" (row 4), \"run 5\" (row 5) and 24 more. These experiments are not added again");
 }
 
 // Files that overlap: the same digests in whatever order, and the same products within the rounding of the merges.
@@ -359,10 +362,12 @@ TEST(Update, KnowsCopiesOfWhatItHas) {
         more.samples()(n, k * e.channels() + c) = double(float(more.samples()(n, k * e.channels() + c)));
   UpdateState once = state_of(e.subset(range(0, 30))), state = once;
   update(once, e.subset(range(30, 50)));
-  EXPECT_EQ(in_words(update(state, more)),
-            (std::vector<std::string>{
-                "6 of 27 experiments are in the update state already: 0–4 and 25. They are not added again",
-                "1 of 27 experiments is a copy of another, within rounding: 26 of 15. Each experiment was used once"}));
+  EXPECT_EQ(
+      in_words(update(state, more)),
+      (std::vector<std::string>{
+          "6 of 27 experiments are in the state file already: 0–4 and 25. These experiments are not added again",
+          "1 of 27 experiments is a copy of another experiment, within rounding: experiment 26 of experiment 15. The "
+          "copy was not used"}));
   EXPECT_EQ(state.factors.factor, once.factors.factor);
   EXPECT_EQ(state.factors.experiments, 50);
   EXPECT_EQ(state.digests.size(), 52);
@@ -382,7 +387,7 @@ TEST(Update, SaysWhatAStateWithoutDigestsCannotTell) {
   EXPECT_EQ(state.without_digest, 30);
   // By its fingerprint a whole ensemble is known all the same.
   EXPECT_EQ(in_words(update(state, first)),
-            std::vector<std::string>{"all 30 experiments are in the update state already. Nothing is added"});
+            std::vector<std::string>{"all 30 experiments are in the state file already. Nothing is added"});
   EXPECT_EQ(state.factors.experiments, 30);
   const auto warned = [&](const Ensemble& added) {
     const std::vector<std::string> told = in_words(update(state, added));
@@ -510,7 +515,7 @@ TEST(UpdateFromFiles, NamesTheFileThatDoesNotFit) {
     UpdateState state = begun;
     return message([&] { update(state, before, paths); });
   };
-  EXPECT_EQ(refusal({one, longer}), longer + ": steps: 21 found, 20 needed as in the experiments before");
+  EXPECT_EQ(refusal({one, longer}), longer + ": steps: 21 found, 20 needed as in the earlier experiments");
   UpdateState state = begun;
   EXPECT_THROW(update(state, before, {one, "none.h5"}), IoError);
 }
@@ -528,8 +533,8 @@ TEST(UpdateFromFiles, AFileThatAddsNothingIsTold) {
   EXPECT_EQ(added.experiments, (std::vector<Index>{5, 0, 0}));
   EXPECT_EQ(added.known, (std::vector<std::vector<Index>>{{}, range(0, 40), range(0, 5)}));
   EXPECT_EQ(in_words(added.findings),
-            (std::vector<std::string>{seen + ": all 40 experiments are in the update state already. Nothing is added",
-                                      one + ": all 5 experiments are in the update state already. Nothing is added"}));
+            (std::vector<std::string>{seen + ": all 40 experiments are in the state file already. Nothing is added",
+                                      one + ": all 5 experiments are in the state file already. Nothing is added"}));
   UpdateState alone = first;
   const Additions of_one = update(alone, before, e.subset(range(40, 45)));
   expect_same_state(state, alone);

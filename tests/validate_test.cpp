@@ -468,12 +468,14 @@ TEST(Conclusions, NameInputsWhoseEffectIsLostInTheNoise) {
   EXPECT_EQ(found.result, TestResult::nothing);
   EXPECT_EQ(found.reason, Conclusion::Reason::gains_confirmed);
   EXPECT_EQ(found.channels, (std::vector<Finding::Channel>{{false, 1, "brake"}}));
-  EXPECT_EQ(in_words(found),
-            "the outputs respond to the other inputs as strongly as the model says (± 2.6 %); the response to brake is "
-            "lost in the noise");
+  EXPECT_EQ(
+      in_words(found),
+      "the outputs respond to the other inputs as strongly as the model says (± 2.6 %); the response to brake is too "
+      "small to be seen in the noise");
   v.gains.deviation(0) = 0.8, v.gains.share(0) = 0.01;
   EXPECT_EQ(conclusions(v, names).gains.reason, Conclusion::Reason::gains_lost_in_noise);
-  EXPECT_EQ(in_words(conclusions(v, names).gains), "the response to torque, brake is lost in the noise");
+  EXPECT_EQ(in_words(conclusions(v, names).gains),
+            "the response to torque, brake is too small to be seen in the noise");
 }
 
 }  // namespace

@@ -266,14 +266,14 @@ TEST(WindowFactors, RefuseOtherLagOrdersAndKinds) {
   WindowFactors f = window_factors(e, 2, InitialState::zero);
   EXPECT_EQ(message([&] { Windows(f).rows(5, 3); }), "lags: 3 found, the window factors permit at most 2");
   EXPECT_EQ(message([&] { merge(f, window_factors(e, 3, InitialState::zero)); }),
-            "lag order: 3 found, 2 needed as in the experiments before");
+            "lag order: 3 found, 2 needed as in the earlier experiments");
   EXPECT_EQ(message([&] { merge(f, window_factors(e, 2, InitialState::unknown)); }),
-            "initial states: unknown found, zero needed as in the experiments before");
+            "initial states: unknown found, zero needed as in the earlier experiments");
   Ensemble other = e;
   other.names.output_units = {"", "rad"};
   f.names.output_units = {"m", "deg"};
   EXPECT_EQ(message([&] { merge(f, window_factors(other, 2, InitialState::zero)); }),
-            "unit: rad found, deg needed as in the experiments before");
+            "unit: rad found, deg needed as in the earlier experiments");
   EXPECT_EQ(f.experiments, 9);
 }
 

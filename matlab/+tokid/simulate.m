@@ -107,7 +107,7 @@ if stop > begin
   x(:, :, stop + 1) = state;
 end
 if all(isnan(y(:)))
-  warning('tokid:simulate', 'no step of the data has outputs of the model: all of them are missing (NaN)');
+  warning('tokid:simulate', 'all computed outputs are missing (NaN): the model gives no output at any step of the data');
 end
 y = permute(plus_nominal(y, value_of(model, 'y_nominal', []), P), [2, 3, 1]);
 x = permute(x, [2, 3, 1]);
@@ -172,8 +172,8 @@ if n > 0 && strcmp(of_data, 'unknown') && strcmp(of_model, 'unknown') && numel(v
   start = 'mean initial state';
 end
 if n > 0 && ~(strcmp(of_data, 'zero') && begin == 0)
-  warning('tokid:simulate', ['the initial states are unknown: simulated from the %s at step %d, where the model ' ...
-                             'begins'], start, begin);
+  warning('tokid:simulate', ['the initial states are unknown: the simulation starts from the %s at step %d, ' ...
+                             'where the model begins'], start, begin);
 end
 end
 

@@ -204,9 +204,9 @@ REFUSED = [
     (lambda u, y: tokid.identify(u, y, refine="often"), "refine: 'often' found, one of True, False, None, 'auto'"),
     (lambda u, y: tokid.identify(u, y, hold_out=2), "hold_out: 2 found, a number from 0 to below 1 needed"),
     (lambda u, y: tokid.identify(u, y, hold_out=1.0), "hold_out: 1.0 found, a number from 0 to below 1 needed"),
-    (lambda u, y: tokid.identify(u[..., 0].T, y[..., 0].T), "u (7, 5) was read as one experiment of 7 steps with 5 inputs"),
-    (lambda u, y: tokid.cross_validate(u[0], y[0]), "; u (7, 2) was read as one experiment of 7 steps with 2 inputs. "
-                                                    "For N experiments with one input, use (N, T, 1)"),
+    (lambda u, y: tokid.identify(u[..., 0].T, y[..., 0].T), "the array u of shape (7, 5) was read as one experiment of 7 steps with 5 inputs"),
+    (lambda u, y: tokid.cross_validate(u[0], y[0]), "; the array u of shape (7, 2) was read as one experiment of 7 steps with 2 inputs. "
+                                                    "For 7 experiments with one input, use the shape (7, 2, 1)"),
     (lambda u, y: tokid.identify(u, y, reference_step=3), "reference_step: needs frame 'reference'"),
     (lambda u, y: tokid.identify(u, y, threads=-1), "threads: -1 found, a whole number from 0 to 1024 needed"),
 ]
@@ -221,7 +221,7 @@ def test_refusals_say_what_is_wanted(call, words):
 
 def test_more_inputs_than_steps_are_worth_a_word(recwarn):
     u, y = samples()
-    with pytest.warns(tokid.TokidWarning, match=r"u \(5, 7\) was read as one experiment of 5 steps with 7 inputs"):
+    with pytest.warns(tokid.TokidWarning, match=r"u of shape \(5, 7\) was read as one experiment of 5 steps with 7 inputs"):
         data = tokid.Ensemble(u[..., 0], y[..., 0])
     assert data.u.shape == (1, 5, 7)
     with pytest.warns(tokid.TokidWarning, match="5 steps with 7 inputs") as warned:

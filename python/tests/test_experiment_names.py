@@ -80,17 +80,17 @@ def test_files(named, noisy, tmp_path, extension):
 
 
 def test_the_bad_batch(bad):
-    with pytest.warns(tokid.TokidWarning, match=r'experiment "17" \(row 16\) does not fit the others'):
+    with pytest.warns(tokid.TokidWarning, match=r'experiment "17" \(row 16\) does not fit the other experiments'):
         model = tokid.identify(bad, refine=False)
     (outlier,) = model.identification.outliers
     assert (outlier.experiment, outlier.name) == (16, "17")
-    with pytest.warns(tokid.TokidWarning, match=r'experiment "17" \(row 16\) does not fit the others'):
+    with pytest.warns(tokid.TokidWarning, match=r'experiment "17" \(row 16\) does not fit the other experiments'):
         tokid.identify(bad.u, bad.y, experiment_names=bad.experiment_names, refine=False)
-    with pytest.warns(tokid.TokidWarning, match="experiment 16 does not fit the others"):
+    with pytest.warns(tokid.TokidWarning, match="experiment 16 does not fit the other experiments"):
         model = tokid.identify(bad.u, bad.y, refine=False)
     assert model.identification.outliers[0].name is None
     # In a part of the data, it has another row and the same name.
-    with pytest.warns(tokid.TokidWarning, match=r'experiment "17" \(row 11\) does not fit the others'):
+    with pytest.warns(tokid.TokidWarning, match=r'experiment "17" \(row 11\) does not fit the other experiments'):
         tokid.identify(bad[5:], refine=False)
 
 

@@ -525,8 +525,8 @@ BAD = {
     "numbers of rows": (
         {"experiment": ["a", "a", "b"], "sample number": [0, 1, 2], "u1": [1.0, 2.0, 3.0]},
         {},
-        "column 'sample number': experiment 'b' begins at 2, when experiment 'a' has ended at 1; step numbers from the "
-        "begin of each experiment on needed, or the name 'k'",
+        "column 'sample number': experiment 'b' begins at 2, when experiment 'a' has ended at 1; step numbers that "
+        "count from the begin of each experiment needed, or the name 'k' for this column",
     ),
     "uneven": (
         {"time": [0, 1, 2.2], "u1": [1.0, 2.0, 3.0]},
@@ -537,7 +537,7 @@ BAD = {
     "wild": (
         {"k": [0, 10**9], "u1": [1.0, 2.0]},
         {},
-        "1 experiments of 1000000001 steps found in only 2 rows, fewer missing rows needed; check the times or "
+        "1 experiments of 1000000001 steps found in only 2 rows, so most rows would be missing. Check the times or "
         "step numbers",
     ),
     "no rows": ({"u1": [], "y1": []}, {}, "no rows found, samples needed"),

@@ -15,7 +15,7 @@ def bad(noisy):
 
 
 def test_drop(noisy, bad):
-    with pytest.warns(tokid.TokidWarning, match="experiment 16 does not fit the others.*It was dropped"):
+    with pytest.warns(tokid.TokidWarning, match="experiment 16 does not fit the other experiments.*The experiment was dropped"):
         model = tokid.identify(bad, outliers="drop", refine=False)
     found = model.identification
     (outlier,) = found.outliers
@@ -28,7 +28,7 @@ def test_drop(noisy, bad):
 
 
 def test_downweight(bad):
-    with pytest.warns(tokid.TokidWarning, match="It counts with the weight"):
+    with pytest.warns(tokid.TokidWarning, match="The experiment counts with the weight"):
         model = tokid.identify(bad, outliers="downweight", refine=False)
     (outlier,) = model.identification.outliers
     assert 0 < outlier.weight < 0.2

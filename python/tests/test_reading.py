@@ -25,7 +25,7 @@ def told(call):
     return result, [str(entry.message) for entry in record]
 
 
-NO_DT = "the data state no sample time. dt = 1 s is assumed; state dt if it is different"
+NO_DT = "the data contain no sample time, so tokid assumes dt = 1 s. If the sample time is different, add dt to the data"
 
 
 def test_arrays_without_a_sample_time(data):
@@ -73,7 +73,7 @@ def test_a_table_that_was_changed(data, tmp_path):
     assert told(lambda: tokid.Ensemble.load(path))[1] == []
     path.write_bytes(path.read_bytes()[:-3] + b"7\r\n")
     text, = told(lambda: tokid.Ensemble.load(path))[1]
-    assert f"'{path}' does not match its line" in text and "remove that line" in text
+    assert f"'{path}' does not match its line" in text and "Remove this line" in text
 
 
 ROWS = "no column of times or step numbers found: the rows of an experiment were taken as successive steps"
@@ -111,13 +111,13 @@ def test_what_comes_back_of_no_sample_time(data, tmp_path):
 def test_axes_in_another_order(data):
     u, y = data.u.swapaxes(0, 1), data.y.swapaxes(0, 1)
     found = told(lambda: tokid.Ensemble(u, y, dt=0.1))[1]
-    assert len(found) == 1 and "(N, T, channels), not (T, N, channels)" in found[0]
+    assert len(found) == 1 and "(experiments, steps, channels), not (steps, experiments, channels)" in found[0]
     with pytest.raises(ValueError, match=r"both look like \(N, channels, T\) in place of \(N, T, channels\)"):
         tokid.identify(data.u.swapaxes(1, 2), data.y[..., :1].swapaxes(1, 2))
-    with pytest.raises(ValueError, match=r"not \(N, channels, T\)"):
+    with pytest.raises(ValueError, match=r"not \(experiments, channels, steps\)"):
         tokid.identify(data.u.swapaxes(1, 2), data.y.swapaxes(1, 2), dt=0.1)
     found = told(lambda: tokid.Ensemble(data.u[..., 0].T[:12], data.y[..., 0].T[:12], dt=0.1))[1]
-    assert len(found) == 1 and "u (12, 40) was read as one experiment of 12 steps with 40 inputs" in found[0]
+    assert len(found) == 1 and "u of shape (12, 40) was read as one experiment of 12 steps with 40 inputs" in found[0]
 
 
 def test_axes_in_another_order_beside_a_model(data):
@@ -125,7 +125,7 @@ def test_axes_in_another_order_beside_a_model(data):
     u, y = data.u.swapaxes(0, 1), data.y.swapaxes(0, 1)
     for use in (lambda: model.predict(u, y), lambda: model.validate(u, y)):
         found = told(use)[1]
-        assert len([text for text in found if "(N, T, channels), not (T, N, channels)" in text]) == 1
+        assert len([text for text in found if "(experiments, steps, channels), not (steps, experiments, channels)" in text]) == 1
     assert not [text for text in told(lambda: model.validate(data.u, data.y))[1] if "axes" in text]
 
 

@@ -197,7 +197,7 @@ def test_confidence(files, tool):
                 assert np.array_equal(saved[name], bounds.markov.interval.estimate, equal_nan=True)
     assert bounds.method == "factors" and bounds.markov.interval.lower.shape == (30, bounds.markov.band + 1, 2, 2)
     assert bounds.simulated.estimate.shape == bounds.predicted.upper.shape == (40, 30, 2)
-    with pytest.warns(tokid.TokidWarning, match="seed has no effect on bounds from the factors"):
+    with pytest.warns(tokid.TokidWarning, match="seed has no effect, because these bounds come from the factors"):
         note = model.confidence(data, level=0.9, seed=7).findings[-1]
     assert (note.kind, note.severity, note.detail) == ("option_without_effect", "note", "seed")
     spectrum = bounds.spectrum
@@ -254,7 +254,7 @@ def test_update(files, tool):
     assert same_bytes(files / "all.npz", files / "python.npz")
     state = tokid.UpdateState.load(files / "python.h5")
     assert (state.experiments, state.steps, state.inputs, state.outputs) == (40, 30, 2, 2)
-    with pytest.warns(tokid.TokidWarning, match="all 10 experiments are in the update state already. Nothing is added"):
+    with pytest.warns(tokid.TokidWarning, match="all 10 experiments are in the state file already. Nothing is added"):
         again = tokid.update(state, more)
     assert again.updated.added.known == [list(range(10))] and again.updated.added.experiments == [0]
     assert again.updated.experiments == 40 and np.isnan(again.updated.added.one_step.fit).all()

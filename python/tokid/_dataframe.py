@@ -286,8 +286,8 @@ def _common_steps(steps: Array, experiment: Any, names: list[Any], column: str) 
     if begin[last] > end[first]:
         raise ValueError(
             f"column '{column}': experiment '{names[last]}' begins at {text_of(begin[last])}, when experiment "
-            f"'{names[first]}' has ended at {text_of(end[first])}; step numbers from the begin of each experiment on "
-            "needed, or the name 'k'"
+            f"'{names[first]}' has ended at {text_of(end[first])}; step numbers that count from the begin of each "
+            "experiment needed, or the name 'k' for this column"
         )
 
 

@@ -1333,7 +1333,7 @@ class UpdateState:
     lags = Held[int]("Lag order p.")
 
     def __init__(self) -> None:
-        raise TypeError("states come from tokid.identify(..., keep_state=True) or tokid.UpdateState.load")
+        raise TypeError("a tokid.UpdateState comes from tokid.identify(..., keep_state=True) or tokid.UpdateState.load")
 
     @classmethod
     def _of(cls, core: _tokid.UpdateState) -> UpdateState:

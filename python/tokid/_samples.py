@@ -83,8 +83,8 @@ def taken_for_one(core: _tokid.Ensemble) -> str:
     """A remark on inputs that were taken for (T, r), but may be (N, T)."""
     steps, r = core.steps, core.inputs
     return (
-        f"u ({steps}, {r}) was read as one experiment of {plural(steps, 'step')} with {plural(r, 'input')}. "
-        "For N experiments with one input, use (N, T, 1)"
+        f"the array u of shape ({steps}, {r}) was read as one experiment of {plural(steps, 'step')} with "
+        f"{plural(r, 'input')}. For {steps} experiments with one input, use the shape ({steps}, {r}, 1)"
     )
 
 

@@ -121,8 +121,8 @@ class Grid:
         # A single wrong time or step number must not require a huge grid.
         if not steps * groups <= 1e6 + 1000 * len(times):
             raise ValueError(
-                f"{groups} experiments of {text_of(steps)} steps found in only {len(times)} rows, fewer "
-                f"missing rows needed; check the times or step numbers"
+                f"{groups} experiments of {text_of(steps)} steps found in only {len(times)} rows, so most "
+                f"rows would be missing. Check the times or step numbers"
             )
         self.steps = int(steps)
         self.step = step.astype(np.int64)

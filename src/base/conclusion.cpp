@@ -20,7 +20,7 @@ using Reason = Conclusion::Reason;
 std::string probability(const Conclusion& c) { return words::probability(c.numbers.at("p")); }
 
 const char* pooled(const Conclusion& c) {
-  return c.pooled ? "; over all steps together, because the experiments are few" : "";
+  return c.pooled ? "; tested over all steps together, because there are few experiments" : "";
 }
 
 std::string size(const Conclusion& c, const char* meaning) {
@@ -57,9 +57,9 @@ std::string wrong_gains(const Conclusion& c) {
   const std::string list = inputs(c, [&](const std::string& name, size_t i) {
     const double error = c.errors[i];
     const std::string how =
-        error < -1 ? "the other way"
-                   : fmt::format("{} % {}", words::figure(100 * std::abs(error)), error > 0 ? "more" : "less");
-    return fmt::format("to {} {} than the model says (± {} %)", name, how, words::figure(100 * c.intervals[i], 2));
+        error < -1 ? "with the opposite sign of what"
+                   : fmt::format("{} % {} than", words::figure(100 * std::abs(error)), error > 0 ? "more" : "less");
+    return fmt::format("to {} {} the model says (± {} %)", name, how, words::figure(100 * c.intervals[i], 2));
   });
   return fmt::format("the outputs respond {}{}", list,
                      c.result == TestResult::negligible ? "; too small to matter" : "");
@@ -73,7 +73,7 @@ std::string unknown_gains(const Conclusion& c) {
 }
 
 std::string lost_gains(const Conclusion& c) {
-  return fmt::format("the response to {} is lost in the noise",
+  return fmt::format("the response to {} is too small to be seen in the noise",
                      inputs(c, [](const std::string& name, size_t) { return name; }));
 }
 
@@ -112,7 +112,7 @@ constexpr ReasonEntry reasons[] = {
      [](const Conclusion& c) { return size(c, "larger than the model says, but less than twice"); }},
     {Reason::size_overconfident, "size_overconfident",
      [](const Conclusion& c) {
-       return size(c, "larger than the model says: it is overconfident, do not rely on its error bounds");
+       return size(c, "larger than the model says: the model is overconfident, so do not rely on its error bounds");
      }},
     {Reason::size_of_experiments, "size_of_experiments",
      [](const Conclusion& c) { return size(c, "much larger than the model says, at least in single experiments"); }},
@@ -122,10 +122,10 @@ constexpr ReasonEntry reasons[] = {
      [](const Conclusion& c) { return correlation(c, "the innovations are correlated in time,"); }},
     {Reason::correlated_on_average, "correlated_on_average",
      [](const Conclusion& c) {
-       return correlation(c, "the innovations are correlated in time in the mean over the steps,");
+       return correlation(c, "on average over the steps, the innovations are correlated in time,");
      }},
     {Reason::inputs_explain_nothing, "inputs_explain_nothing",
-     [](const Conclusion& c) { return no_correlation(c, "the inputs explain nothing more"); }},
+     [](const Conclusion& c) { return no_correlation(c, "no sign that the inputs explain part of the innovations"); }},
     {Reason::inputs_explain_part, "inputs_explain_part",
      [](const Conclusion& c) { return correlation(c, "the inputs explain part of the innovations, correlation"); }},
     {Reason::gains_wrong, "gains_wrong", wrong_gains},

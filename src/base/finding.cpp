@@ -108,30 +108,38 @@ constexpr size_t most_terms = 4;
 std::string sines(const Finding& f) {
   if (f.numbers.count("sines") == 0) return "";
   const Index sines = count(f, "sines");
-  return fmt::format(": the input consists of {}, but {} are needed at lag order {}",
-                     sines == 1 ? "one frequency" : fmt::format("{} frequencies", sines), count(f, "sines_needed"),
-                     count(f, "lags"));
+  return fmt::format(": the input consists of {}, but lag order {} needs {}",
+                     sines == 1 ? "one frequency" : fmt::format("{} frequencies", sines), count(f, "lags"),
+                     count(f, "sines_needed"));
 }
 
 std::string combination(const Finding& f, bool timed) {
   const char* what = is(f, "constant") ? "constant" : "zero";
   if (f.terms.size() > most_terms)
-    return timed ? fmt::format("a combination of {} is {}{}", samples(f.terms), what, sines(f))
-                 : fmt::format("a combination of {} is {}", names_of(f.channels), what);
+    return timed ? fmt::format("a weighted sum of {} is {}{}", samples(f.terms), what, sines(f))
+                 : fmt::format("a weighted sum of {} is {}", names_of(f.channels), what);
   if (!is(f, "varying")) return fmt::format("{} is {}{}", sum(f.terms, timed), what, timed ? sines(f) : "");
   std::vector<std::string> names;
   for (const Term& term : f.terms) names.push_back(sample(term, timed));
-  return fmt::format("a combination of {} that changes from step to step is {}", words::listed(names), what);
+  return fmt::format(
+      "a weighted sum of {}, with weights that change from step to step, is {}",
+      words::listed(names), what);
 }
 
 // The steps of a combination: all steps, the steps of every experiment, or phases of a period.
 std::string where(const Finding& f) {
   const Index period = count(f, "period");
   if (period == 1) return "at every step";
-  return fmt::format("{} {}", period == 0 ? "in every experiment at" : "at the phases of", words::step_list(f.steps));
+  return period == 0 ? "in every experiment at " + words::step_list(f.steps)
+                     : fmt::format("at {} of every period", words::step_list(f.steps));
 }
 
 // ---- dependent experiments ----
+
+// "experiments 3 and 5"
+std::string experiments(const std::vector<Experiment>& list, size_t most) {
+  return (list.size() == 1 ? "experiment " : "experiments ") + listed(list, most);
+}
 
 std::string made_of(const Finding& f, const char* one, const char* several) {
   constexpr size_t most_groups = 4;
@@ -144,7 +152,7 @@ std::string made_of(const Finding& f, const char* one, const char* several) {
     while (f.kind == Kind::experiments_copied && j < f.experiments.size() && f.groups[j] == f.groups[i])
       alike.push_back(f.experiments[j++]);
     if (parts.size() < most_groups)
-      parts.push_back(fmt::format("{} of {}", listed(alike, most_groups), listed(f.groups[i], most_groups)));
+      parts.push_back(fmt::format("{} of {}", experiments(alike, most_groups), experiments(f.groups[i], most_groups)));
     else
       more += alike.size();
     i = j;
@@ -152,40 +160,42 @@ std::string made_of(const Finding& f, const char* one, const char* several) {
   std::string text =
       fmt::format("{} of {} experiments {}, within rounding: {}", f.experiments.size(), count(f, "experiments"),
                   f.experiments.size() == 1 ? one : several, fmt::join(parts, "; "));
-  if (more > 0) text += fmt::format("; and {} more", more);
+  if (more > 0) text += fmt::format("; and {}", words::plural(Index(more), "more experiment"));
   return text;
 }
 
 // What the identification does with copies and dependent experiments.
 std::string consequence(const Finding& f) {
   if (f.scope == Finding::Scope::deciding_stretches)
-    return "The blocks use all experiments, so cross-validation errors look too small. Delete these experiments, or call with --block all";
-  if (f.kind == Kind::experiments_copied) return "Each experiment was used once";
-  return f.experiments.size() == 1 ? "It adds no information and was not used"
-                                   : "They add no information and were not used";
+    return "An identification in blocks uses these experiments, too, so the cross-validation errors are too small. Delete these experiments from the data, or identify with --block all";
+  if (f.kind == Kind::experiments_copied) return f.experiments.size() == 1 ? "The copy was not used" : "The copies were not used";
+  return f.experiments.size() == 1 ? "This experiment adds no information and was not used"
+                                   : "These experiments add no information and were not used";
 }
 
 // What is known of an experiment that does not fit, and what was done about it.
 std::string misfit_details(const Finding& f) {
   std::string text;
-  if (!f.channels.empty() && !f.explanation) text += fmt::format(", most in output {}", channel(f));
-  if (f.explanation) text += "; " + in_words(*f.explanation);
+  if (!f.channels.empty() && !f.explanation) text += fmt::format(". The largest residuals are in output {}", channel(f));
+  if (f.explanation) text += ". " + in_words(*f.explanation);
   const double weight = number(f, "weight");
   if (weight == 0)
-    text += ". It was dropped";
+    text += ". The experiment was dropped";
   else if (weight < 1)
-    text += fmt::format(". It counts with the weight {}", words::figure(weight, 2));
+    text += fmt::format(". The experiment counts with the weight {} instead of 1", words::figure(weight, 2));
   else if (is(f, "held_out"))
-    text += ". It is held out: the fit on held-out data includes its errors";
+    text += ". The experiment is held out from the identification, and the fit on held-out data includes its errors";
   return text;
 }
 
 std::string about_samples(const Finding& f) {
   const bool one = f.steps.size() == 1;
   const double weight = number(f, "weight");
-  if (weight == 1) return "Mark faulty samples as missing, because faulty samples make the model worse";
-  if (weight == 0) return one ? "It was dropped" : "They were dropped";
-  return one ? "It was moved towards its prediction" : "They were moved towards their predictions";
+  if (weight == 1)
+    return fmt::format("If {} faulty, mark {} as missing, because faulty samples make the model worse",
+                       one ? "this sample is" : "these samples are", one ? "it" : "them");
+  if (weight == 0) return one ? "The sample was dropped" : "The samples were dropped";
+  return one ? "The sample was moved towards its prediction" : "The samples were moved towards their predictions";
 }
 
 // A ratio with two digits.
@@ -196,21 +206,21 @@ std::string times(double ratio) {
 }
 
 std::string windows(const Finding& f) {
-  return fmt::format("{} of {} successive steps {}", words::plural(count(f, "windows"), "window"), count(f, "length"),
-                     is(f, "gaps") ? "without a gap found" : "found");
+  return fmt::format("the data have only {} of {} successive steps{}", words::plural(count(f, "windows"), "window"),
+                     count(f, "length"), is(f, "gaps") ? " without a gap" : "");
 }
 
 std::string as_read(const Finding& f) {
-  return fmt::format("the axes look swapped: {} of {} with {} and {} were read",
+  return fmt::format("the axes of the arrays look swapped: tokid read {} of {} with {} and {}",
                      words::plural(count(f, "experiments"), "experiment"), words::plural(count(f, "steps"), "step"),
                      words::plural(count(f, "inputs"), "input"), words::plural(count(f, "outputs"), "output"));
 }
 
-// Lists the experiments that the update state contains already: the word "all", the first few names, or ranges of rows.
+// Lists the experiments that the state file contains already: the word "all", the first few names, or ranges of rows.
 std::string known(const Finding& f) {
   const Index found = Index(f.experiments.size()), all = count(f, "experiments");
   if (found == all)
-    return fmt::format("{} in the update state already. Nothing is added",
+    return fmt::format("{} in the state file already. Nothing is added",
                        found == 1 ? "the experiment is" : fmt::format("all {} experiments are", found));
   std::vector<Index> rows;
   bool named = false;
@@ -218,9 +228,9 @@ std::string known(const Finding& f) {
     rows.push_back(e.row);
     named = named || !e.name.empty();
   }
-  return fmt::format("{} of {} experiments {} in the update state already: {}. {} not added again", found, all,
+  return fmt::format("{} of {} experiments {} in the state file already: {}. {} not added again", found, all,
                      found == 1 ? "is" : "are", named ? listed(f.experiments, 6) : words::ranges(rows),
-                     found == 1 ? "It is" : "They are");
+                     found == 1 ? "This experiment is" : "These experiments are");
 }
 
 // What differs from the model: the data, or what `detail` names.
@@ -229,8 +239,10 @@ std::string compared(const Finding& f) { return f.detail.empty() ? "data" : f.de
 std::string names_differ(const Finding& f, const char* side) {
   std::vector<std::string> found;
   for (const Channel& c : f.channels) found.push_back(c.name);
-  return fmt::format("the {}'s {} are named {}, the model's {}", compared(f), side, fmt::join(found, ", "),
-                     fmt::join(f.names, ", "));
+  return fmt::format(
+      "the {}'s {} are named {}, but the model's {} are named {}",
+      compared(f), side, fmt::join(found, ", "), side,
+      fmt::join(f.names, ", "));
 }
 
 struct Entry {
@@ -246,41 +258,45 @@ constexpr Entry table[] = {
     {Kind::reader_remark, "reader_remark", note, [](const Finding& f) { return f.detail; }},
     {Kind::sample_time_missing, "sample_time_missing", note,
      [](const Finding& f) {
-       return fmt::format("the data state no sample time. dt = {:.6g} s is assumed; state dt if it is different",
-                          number(f, "dt"));
+       return fmt::format(
+           "the data contain no sample time, so tokid assumes dt = {:.6g} s. If the sample time is different, add dt to the data",
+           number(f, "dt"));
      }},
     {Kind::sample_time_of_model, "sample_time_of_model", note,
      [](const Finding& f) {
-       return fmt::format("the data state no sample time. The model's dt = {:.6g} s is assumed", number(f, "dt"));
+       return fmt::format(
+           "the data contain no sample time, so tokid assumes the model's dt = {:.6g} s",
+           number(f, "dt"));
      }},
     {Kind::axes_of_one_experiment, "axes_of_one_experiment", warning,
      [](const Finding& f) {
        return fmt::format(
-           "u ({}, {}) was read as one experiment of {} with {}. For N experiments with one input, use (N, T, 1). For one experiment, use (T, r), not (r, T)",
+           "the array u of shape ({0}, {1}) was read as one experiment of {2} with {3}. For {0} experiments with one input, use the shape ({0}, {1}, 1). For one experiment with {4}, use the shape ({1}, {0})",
            count(f, "steps"), count(f, "inputs"), words::plural(count(f, "steps"), "step"),
-           words::plural(count(f, "inputs"), "input"));
+           words::plural(count(f, "inputs"), "input"), words::plural(count(f, "steps"), "input"));
      }},
     {Kind::axes_of_one_step, "axes_of_one_step", warning,
      [](const Finding& f) {
-       return fmt::format("{}. One experiment of {} has the shape (1, T, channels)", as_read(f),
-                          words::plural(count(f, "experiments"), "step"));
+       return fmt::format("{}. For one experiment of {}, use the shape (1, {}, channels)", as_read(f),
+                          words::plural(count(f, "experiments"), "step"), count(f, "experiments"));
      }},
     {Kind::axes_channels_before_time, "axes_channels_before_time", warning,
-     [](const Finding& f) { return as_read(f) + ". The order needed is (N, T, channels), not (N, channels, T)"; }},
+     [](const Finding& f) { return as_read(f) + ". Use the order (experiments, steps, channels), not (experiments, channels, steps)"; }},
     {Kind::axes_time_before_experiments, "axes_time_before_experiments", warning,
      [](const Finding& f) {
        return as_read(f) +
-              ". The samples continue from experiment to experiment, not from step to step. The order needed is (N, T, channels), not (T, N, channels)";
+              ". Successive experiments have similar samples, but successive steps do not. Use the order (experiments, steps, channels), not (steps, experiments, channels)";
      }},
     {Kind::input_zero, "input_zero", warning,
      [](const Finding& f) {
-       return fmt::format("input {} is zero in every experiment at {}: its effect there can't be identified",
+       return fmt::format("input {} is zero in every experiment at {}: its effect at these steps can't be identified",
                           channel(f), words::step_list(f.steps));
      }},
     {Kind::input_same, "input_same", warning,
      [](const Finding& f) {
-       return fmt::format("input {} is the same in every experiment at {}: its effect there can't be identified",
-                          channel(f), words::step_list(f.steps));
+       return fmt::format(
+           "input {} is the same in every experiment at {}: its effect at these steps can't be identified",
+           channel(f), words::step_list(f.steps));
      }},
     {Kind::input_zero_throughout, "input_zero_throughout", warning,
      [](const Finding& f) {
@@ -288,17 +304,18 @@ constexpr Entry table[] = {
      }},
     {Kind::input_constant_throughout, "input_constant_throughout", warning,
      [](const Finding& f) {
-       return fmt::format("input {} is constant at every step: the data determine its step response at most",
+       return fmt::format("input {} has the same value at every step: at most its step response can be identified",
                           channel(f));
      }},
     {Kind::input_zero_at_phases, "input_zero_at_phases", warning,
      [](const Finding& f) {
-       return fmt::format("input {} is zero at the phases of {}: its effect there can't be identified", channel(f),
-                          words::step_list(f.steps));
+       return fmt::format(
+           "input {} is zero at {} of every period: its effect at these steps can't be identified",
+           channel(f), words::step_list(f.steps));
      }},
     {Kind::output_constant, "output_constant", warning,
      [](const Finding& f) {
-       return fmt::format("output {} is constant: nothing can be identified about it", channel(f));
+       return fmt::format("output {} is constant: nothing about this output can be identified", channel(f));
      }},
     {Kind::samples_missing, "samples_missing", warning,
      [](const Finding& f) {
@@ -309,122 +326,132 @@ constexpr Entry table[] = {
     {Kind::experiments_without_overlap, "experiments_without_overlap", warning,
      [](const Finding& f) {
        return fmt::format(
-           "experiment {} begins at step {}, after experiment {} has ended at step {}. Experiments without a common step can't be compared. Count the steps or times from the beginning of each experiment",
+           "experiment {} begins at step {}, after experiment {} has ended at step {}. Experiments without a common step can't be compared. Count the steps or times of each experiment from its beginning",
            experiment(f.experiments[0]), f.steps[0], experiment(f.experiments[1]), f.steps[1]);
      }},
     {Kind::inputs_dependent, "inputs_dependent", warning,
      [](const Finding& f) {
-       return fmt::format("inputs {} move together ({}) {}: their effects there can't be separated",
-                          names_of(f.channels), combination(f, false), where(f));
+       return fmt::format(
+           "inputs {} move together ({}) {}: their effects at these steps can't be separated from each other",
+           names_of(f.channels), combination(f, false), where(f));
      }},
     {Kind::input_predictable, "input_predictable", warning,
      [](const Finding& f) {
        return fmt::format(
-           "input {} follows from earlier inputs ({}) {}: its effect there can't be separated from theirs",
+           "input {} is determined by earlier inputs ({}) {}: its effect at these steps can't be separated from the effects of the earlier inputs",
            channel(f), combination(f, true), where(f));
      }},
     {Kind::input_feedback, "input_feedback", warning,
      [](const Finding& f) {
        return fmt::format(
-           "input {} follows from the samples before it ({}) {}. It is a feedback without independent variation, so its effect there can't be separated from theirs. Add a variation of its own to the input",
+           "input {} is determined by the samples before it ({}) {}. The input is a feedback without independent variation, so its effect at these steps can't be separated from the effects of these samples. Add an independent variation to the input",
            channel(f), combination(f, true), where(f));
      }},
     {Kind::more_dependent_inputs, "more_dependent_inputs", warning,
      [](const Finding& f) {
-       return fmt::format("{} of dependent inputs found, not listed here",
+       return fmt::format("tokid found {} of dependent inputs. This list does not contain them",
                           words::plural(count(f, "count"), "more combination"));
      }},
     {Kind::outputs_dependent, "outputs_dependent", warning,
      [](const Finding& f) {
        return fmt::format(
-           "outputs {} move together ({} is {}) at all steps: {} adds no information to the other outputs",
+           "outputs {} move together ({} is {}) at all steps: output {} adds no information to the other outputs",
            names_of(f.channels), sum(f.terms, false), is(f, "constant") ? "constant" : "zero", f.channels.back().name);
      }},
     {Kind::output_same, "output_same", warning,
      [](const Finding& f) {
-       return fmt::format("output {} is the same in every experiment at {}: nothing can be identified about it there",
-                          channel(f), words::step_list(f.steps));
+       return fmt::format(
+           "output {} is the same in every experiment at {}: nothing about this output can be identified at these steps",
+           channel(f), words::step_list(f.steps));
      }},
     {Kind::output_stuck, "output_stuck", warning,
      [](const Finding& f) {
        return fmt::format(
-           "output {} stays at {} in experiment {} at steps {}–{}, while the inputs of this experiment move. Check whether its sensor is stuck",
+           "output {} stays at {} in experiment {} at steps {}–{}, while the inputs of this experiment move. Check whether the sensor of this output was stuck",
            channel(f), figure(f, "value"), experiment(f.experiments[0]), f.steps.front(), f.steps.back());
      }},
     {Kind::more_stuck_outputs, "more_stuck_outputs", warning,
      [](const Finding& f) {
-       return fmt::format("output {} is stuck in {} more", channel(f), words::plural(count(f, "count"), "experiment"));
+       return fmt::format("output {} also stays at one value in {}", channel(f),
+                          words::plural(count(f, "count"), "more experiment"));
      }},
     {Kind::experiments_copied, "experiments_copied", warning,
      [](const Finding& f) {
-       return fmt::format("{}. {}", made_of(f, "is a copy of another", "are copies of others"), consequence(f));
+       return fmt::format(
+           "{}. {}",
+           made_of(f, "is a copy of another experiment", "are copies of other experiments"), consequence(f));
      }},
     {Kind::experiments_dependent, "experiments_dependent", warning,
      [](const Finding& f) {
-       return fmt::format("{}. {}", made_of(f, "is a sum or multiple of others", "are sums or multiples of others"),
-                          consequence(f));
+       return fmt::format(
+           "{}. {}",
+           made_of(f, "is a sum or multiple of other experiments", "are sums or multiples of other experiments"),
+           consequence(f));
      }},
     {Kind::inputs_repeated, "inputs_repeated", warning,
      [](const Finding& f) {
        return fmt::format(
-           "{} repeat {} of the inputs. A repeated course shows the noise, but excites the system no more than its first run. At lag order {}, {} different courses are needed",
-           words::plural(count(f, "experiments"), "experiment"), words::plural(count(f, "courses"), "course"),
+           "{} have only {}. Experiments with the same inputs show the noise, but excite the system no more than one of them. Lag order {} needs at least {} different input signals",
+           words::plural(count(f, "experiments"), "experiment"),
+           words::plural(count(f, "courses"), "different input signal"),
            count(f, "lags"), count(f, "needed"));
      }},
     {Kind::experiment_outlying, "experiment_outlying", warning,
      [](const Finding& f) {
        return fmt::format(
-           "experiment {} does not fit the others: its residuals, by models of the others, are {} times as large as theirs{}",
+           "experiment {} does not fit the other experiments: with models of the other experiments, its residuals are {} times as large as those of the other experiments{}",
            experiment(f.experiments[0]), times(number(f, "ratio")), misfit_details(f));
      }},
     {Kind::more_outlying_experiments, "more_outlying_experiments", warning,
      [](const Finding& f) {
        return fmt::format(
-           "{} more do not fit the others: check that all experiments are runs of one system, in the same units",
-           words::plural(count(f, "count"), "experiment"));
+           "{} not fit the other experiments: check that all experiments are runs of one system, in the same units",
+           count(f, "count") == 1 ? "1 more experiment does" : fmt::format("{} more experiments do", count(f, "count")));
      }},
     {Kind::samples_outlying, "samples_outlying", warning,
      [](const Finding& f) {
        return fmt::format(
-           "experiment {}, output {}: {} by up to {} from {} (median of all experiments: {}), at {}. {}",
-           experiment(f.experiments[0]), channel(f),
+           "experiment {}, output {}, {}: {} by up to {} from {} (median error of all experiments: {}). {}",
+           experiment(f.experiments[0]), channel(f), words::step_list(f.steps),
            f.steps.size() == 1 ? "1 sample deviates" : fmt::format("{} samples deviate", f.steps.size()),
            figure(f, "error"), f.steps.size() == 1 ? "its prediction" : "their predictions",
-           words::figure(number(f, "usual"), 2), words::step_list(f.steps), about_samples(f));
+           words::figure(number(f, "usual"), 2), about_samples(f));
      }},
     {Kind::more_outlying_samples, "more_outlying_samples", warning,
      [](const Finding& f) {
-       return fmt::format("{} with samples far off their predictions, not listed here",
-                          words::plural(count(f, "count"), "more output"));
+       return fmt::format(
+           "{} with samples that deviate strongly from their predictions. This list does not contain them",
+           words::plural(count(f, "count"), "more output"));
      }},
     {Kind::outliers_undecided, "outliers_undecided", warning,
      [](const Finding& f) {
        return fmt::format(
-           "{} more do not fit the others, but were used. At most a quarter of the experiments (here {}) are left out or downweighted. Check whether the data come from one system",
-           words::plural(count(f, "count"), "experiment"), count(f, "most"));
+           "{} not fit the other experiments. tokid used them all the same, because it drops or downweights at most a quarter of the experiments (here {}). Check whether all experiments are runs of one system",
+           count(f, "count") == 1 ? "1 more experiment does" : fmt::format("{} more experiments do", count(f, "count")),
+           count(f, "most"));
      }},
     {Kind::many_misfits, "many_misfits", warning,
      [](const Finding& f) {
        return fmt::format(
-           "the innovations of {} are much larger than those of the others. They are too many to be outliers, so they were used. The model may be too simple for their inputs, or the data may come from two systems. Check them, or identify them separately",
-           (f.experiments.size() == 1 ? "experiment " : "experiments ") + listed(f.experiments, 6));
+           "the innovations of {} are much larger than those of the other experiments. tokid used these experiments, because they are too many to be outliers. The model may be too simple for their inputs, or the experiments may come from two systems. Check these experiments, or identify them separately",
+           experiments(f.experiments, 6));
      }},
     {Kind::ill_conditioned, "ill_conditioned", warning,
      [](const Finding& f) {
        return fmt::format(
-           "ill-conditioned windows (condition number above {}) at {}: the coefficients there have few correct digits",
+           "the regressions are ill-conditioned (condition number above {}) at {}: their coefficients have few correct digits",
            figure(f, "condition"), words::step_list(f.steps));
      }},
     {Kind::too_few_complete, "too_few_complete", warning,
      [](const Finding& f) {
        return fmt::format(
-           "missing samples leave fewer experiments than the {} unknowns at {}: the solution of smallest norm is used there",
+           "missing samples leave fewer experiments than the regression has unknowns ({}) at {}: tokid uses the solution of smallest norm at these steps",
            count(f, "unknowns"), words::step_list(f.steps));
      }},
     {Kind::inputs_unexcited, "inputs_unexcited", warning,
      [](const Finding& f) {
        return fmt::format(
-           "the inputs of neighbouring steps and channels are linearly dependent over the experiments at {}: their effects there can't be separated",
+           "the inputs of neighbouring steps and channels are linearly dependent in all experiments at {}: their effects at these steps can't be separated from each other",
            words::step_list(f.steps));
      }},
     {Kind::no_freedom, "no_freedom", warning,
@@ -436,64 +463,66 @@ constexpr Entry table[] = {
     {Kind::few_experiments, "few_experiments", warning,
      [](const Finding& f) {
        return fmt::format(
-           "{} experiments are few for the {} unknowns per output and step at lag order {}: noise is hardly averaged out of the coefficients. Use {} experiments or more. {} experiments permit lag orders up to {}",
+           "{} experiments are few for the {} unknowns per output and step at lag order {}: averaging hardly reduces the noise of the coefficients. Use {} experiments or more. With {} experiments, use lag orders up to {}",
            count(f, "experiments"), count(f, "unknowns"), count(f, "lags"), count(f, "sufficient"),
            count(f, "experiments"), count(f, "largest_lags"));
      }},
     {Kind::lags_at_limit, "lags_at_limit", warning,
      [](const Finding& f) {
        return fmt::format(
-           "lag order {} is the largest that {} experiments can test. More experiments, or a larger stated order, may be better",
+           "the chosen lag order {} is the largest that {} experiments can test. A larger lag order may be better: use more experiments, or state the lag order",
            count(f, "lags"), count(f, "experiments"));
      }},
     {Kind::lags_untested, "lags_untested", warning,
      [](const Finding& f) {
        return fmt::format(
-           "{} experiments leave no degree of freedom to test lag order {}: a regression of this order fits any data exactly",
+           "{} experiments leave no degree of freedom to test lag order {}: a regression of this lag order fits any data exactly",
            count(f, "experiments"), count(f, "lags"));
      }},
     {Kind::lags_below_states, "lags_below_states", warning,
      [](const Finding& f) {
        return fmt::format(
-           "lag order {} with {} outputs allows at most {} states, but {} were asked for: state a larger lag order, or fewer states",
+           "lag order {} with {} outputs allows at most {} states, but {} states were asked for. State a larger lag order, or fewer states",
            count(f, "lags"), count(f, "outputs"), count(f, "most"), count(f, "states"));
      }},
     {Kind::smoothing_untested, "smoothing_untested", warning,
      [](const Finding& f) {
-       return fmt::format("the record is too short to choose lambda. lambda = {} is used", figure(f, "smoothing"));
+       return fmt::format(
+           "a single record is too little data to choose the smoothing lambda. tokid uses lambda = {}",
+           figure(f, "smoothing"));
      }},
     {Kind::smoothing_by_gaps, "smoothing_by_gaps", warning,
      [](const Finding& f) {
        return fmt::format(
-           "missing samples leave too few windows of successive steps to find variation over time. The regressions use lambda = {}. EM chooses its own lambda",
+           "because of missing samples, too few windows of successive steps without a gap are left to find variation over time. The regressions use the smoothing lambda = {}, and EM chooses a lambda of its own",
            figure(f, "smoothing"));
      }},
     {Kind::no_variation, "no_variation", note,
      [](const Finding&) {
-       return std::string("one model is used for all steps: models that vary over time do not predict better");
+       return std::string("tokid uses one model for all steps, because models that vary over time do not predict better");
      }},
     {Kind::feedthrough_or_feedback, "feedthrough_or_feedback", warning,
      [](const Finding& f) {
        return fmt::format(
-           "input {} and output {} are correlated within a step, and the inputs depend on earlier outputs. The data can't tell feedthrough from feedback in the same step, so D may be wrong. If the controller uses the output of the same step, state that there is no feedthrough (--no-feedthrough). If it does not, state that there is (--feedthrough)",
+           "input {} and output {} are correlated within a step, and the inputs depend on earlier outputs. The data do not show whether feedthrough or feedback within the step causes this correlation, so D may be wrong. If the controller uses the output of the same step, state that there is no feedthrough (--no-feedthrough). Otherwise, state that there is feedthrough (--feedthrough)",
            f.channels[0].name, f.channels[1].name);
      }},
     {Kind::few_windows, "few_windows", warning,
      [](const Finding& f) {
        return fmt::format(
-           "{}, which are few for the {} unknowns per output at lag order {}. Validate the model on other data",
+           "{}. This is few for the {} unknowns per output at lag order {}. Validate the model on other data",
            windows(f), count(f, "unknowns"), count(f, "lags"));
      }},
     {Kind::few_for_states, "few_for_states", warning,
      [](const Finding& f) {
        return fmt::format(
-           "{} are fewer than the {} unknowns of a row of A and B, or C and D, at every step: the penalty on variation replaces the missing information. Validate the model on other data",
+           "{} are fewer than the {} unknowns that each row of A and B, or of C and D, has at every step: smoothing over time replaces the missing information. Validate the model on other data",
            words::plural(count(f, "experiments"), "experiment"), count(f, "unknowns"));
      }},
     {Kind::free_response_single, "free_response_single", warning,
      [](const Finding&) {
        return std::string(
-           "a single free response equals its own mean motion, so its departure is zero: it was not used");
+           "the free response was not used: a single free response equals its own mean motion, so it is zero after the mean motion is removed");
      }},
     {Kind::free_responses_unused, "free_responses_unused", warning,
      [](const Finding& f) {
@@ -504,8 +533,8 @@ constexpr Entry table[] = {
      }},
     {Kind::free_responses_partial, "free_responses_partial", warning,
      [](const Finding& f) {
-       return fmt::format("the {} free responses don't show all {} states from step {} on, but only from step {}",
-                          count(f, "count"), count(f, "states"), count(f, "wanted"), count(f, "step"));
+       return fmt::format("the {} free responses show all {} states only from step {} on, not from step {} on",
+                          count(f, "count"), count(f, "states"), count(f, "step"), count(f, "wanted"));
      }},
     {Kind::no_states, "no_states", warning,
      [](const Finding&) {
@@ -514,74 +543,74 @@ constexpr Entry table[] = {
     {Kind::states_below_asked, "states_below_asked", warning,
      [](const Finding& f) {
        return fmt::format(
-           "{} states asked for, but the Hankel matrices have at most rank {}: the model has no more states",
+           "{0} states were asked for, but the Hankel matrices have at most rank {1}: the model has {1} states",
            count(f, "asked"), count(f, "found"));
      }},
     {Kind::states_hidden, "states_hidden", warning,
      [](const Finding& f) {
        return fmt::format(
-           "the Hankel matrices have a rank below {} at {}: the outputs don't show all states there, or the inputs don't reach all of them. The model has fewer states there",
+           "the Hankel matrices have a rank below {} at {}: the outputs do not show all states at these steps, or the inputs do not reach all states. The model has fewer states at these steps",
            count(f, "states"), words::step_list(f.steps));
      }},
     {Kind::late_begin, "late_begin", note,
      [](const Finding& f) {
        return fmt::format(
-           "initial states are unknown: the model begins at step {}, the first step with the full state dimension",
+           "the initial states are unknown, so the model begins at step {}, the first step with the full state dimension",
            count(f, "step"));
      }},
     {Kind::frame_limits, "frame_limits", note,
      [](const Finding& f) {
        return fmt::format(
-           "reference frame of step {}: steps {} to {} are in this frame, the other steps keep their own coordinates",
-           count(f, "step"), count(f, "begin"), count(f, "end") - 1);
+           "only steps {} to {} are in the reference frame of step {}. At the other steps, the states keep their own coordinates",
+           count(f, "begin"), count(f, "end") - 1, count(f, "step"));
      }},
     {Kind::jumps_unused, "jumps_unused", warning,
      [](const Finding& f) {
        return fmt::format(
-           "the stated jumps at {} are not used: only EM uses jumps, and EM was not used. The matrices vary smoothly there",
+           "the stated jumps at {} have no effect: only EM uses jumps, and EM was not used. The matrices of the model vary smoothly at these steps",
            words::step_list(f.steps));
      }},
     {Kind::uncertain_ahead, "uncertain_ahead", warning,
      [](const Finding& f) {
        return fmt::format(
-           "{} steps ahead, the errors on held-out experiments are {} times as large as the models state. The experiments are few for a system that varies like this, or the noise is not white. Use more experiments, and test long predictions and controllers on other data",
+           "in cross-validation, the errors of predictions {} steps ahead are {} times as large as the models state. There are too few experiments for a system that varies like this, or the noise is not white. Use more experiments, and test long predictions and controllers on other data",
            count(f, "horizon"), words::figure(number(f, "ratio"), 2));
      }},
     {Kind::model_errs_ahead, "model_errs_ahead", warning,
      [](const Finding& f) {
        return fmt::format(
-           "{} steps ahead, at least {:.0f} % of the error variance comes from errors of the model: models of different parts of the experiments differ by that much. Use more experiments, and test long predictions and controllers on other data",
+           "in predictions {} steps ahead, at least {:.0f} % of the error variance comes from errors of the model. Models of different parts of the experiments differ by that much. Use more experiments, and test long predictions and controllers on other data",
            count(f, "horizon"), 100 * number(f, "share"));
      }},
     {Kind::em_unreliable, "em_unreliable", warning,
      [](const Finding&) {
        return std::string(
-           "EM predicts all experiments worse than it predicted the held-out folds. Its result may be wrong");
+           "the model of EM predicts all experiments worse than the models of cross-validation predicted the held-out folds. The result of EM may be wrong");
      }},
     {Kind::em_worse_one_step, "em_worse_one_step", note,
      [](const Finding&) {
        return std::string(
-           "EM helped in cross-validation, but made the predictions of all experiments worse. Its result was dropped");
+           "EM made the predictions better in cross-validation, but made the predictions of the whole data worse. tokid dropped the result of EM");
      }},
     {Kind::em_worse_simulation, "em_worse_simulation", note,
      [](const Finding&) {
        return std::string(
-           "EM helped in cross-validation, but made the simulations of all experiments worse. Its result was dropped");
+           "EM made the model better in cross-validation, but made the simulations of the whole data worse. tokid dropped the result of EM");
      }},
     {Kind::em_no_noise, "em_no_noise", note,
      [](const Finding&) {
        return std::string(
-           "the data show no noise in some directions: the likelihood has no maximum there, so the noise covariances Q and R are set to 1e-12 of the signals");
+           "some combinations of states and of outputs have no noise, so the likelihood has no maximum. For these combinations, EM sets the noise covariances Q and R to 1e-12 times the mean squares of the signals");
      }},
     {Kind::em_no_measurement_noise, "em_no_measurement_noise", note,
      [](const Finding&) {
        return std::string(
-           "no measurement noise is left in some direction of the outputs: R is set to 1e-12 of the signals there");
+           "EM finds no measurement noise in some combination of outputs: for this combination, EM sets the covariance R to 1e-12 times the mean squares of the outputs");
      }},
     {Kind::em_no_process_noise, "em_no_process_noise", note,
      [](const Finding&) {
        return std::string(
-           "no process noise is left in some direction of the states: Q is set to 1e-12 of the signals there");
+           "EM finds no process noise in some combination of states: for this combination, EM sets the covariance Q to 1e-12 times the mean squares of the states");
      }},
     {Kind::em_not_converged, "em_not_converged", warning,
      [](const Finding& f) {
@@ -592,36 +621,39 @@ constexpr Entry table[] = {
     {Kind::em_few_experiments, "em_few_experiments", warning,
      [](const Finding& f) {
        return fmt::format(
-           "{} are few for the {} unknowns of a row of A and B, or C and D, at every step. Use smoothing above zero",
+           "{} are few for the {} unknowns that each row of A and B, or of C and D, has at every step. Use smoothing over time (lambda above zero)",
            words::plural(count(f, "experiments"), "experiment"), count(f, "unknowns"));
      }},
     {Kind::em_fewer_than_unknowns, "em_fewer_than_unknowns", warning,
      [](const Finding& f) {
        return fmt::format(
-           "{} less than the {} unknowns of a row of A and B, or C and D, at every step: the penalty on variation replaces the missing information, and the fit on these data is no test of the model",
-           count(f, "experiments") == 1 ? "1 experiment is"
-                                        : fmt::format("{} experiments are", count(f, "experiments")),
+           "{} than the {} unknowns that each row of A and B, or of C and D, has at every step: smoothing over time replaces the missing information, and the fit on these data is no test of the model",
+           count(f, "experiments") == 1 ? "1 experiment is fewer"
+                                        : fmt::format("{} experiments are fewer", count(f, "experiments")),
            count(f, "unknowns"));
      }},
     {Kind::em_extended, "em_extended", note,
      [](const Finding& f) {
        return fmt::format(
-           "the data have {}, but the model ended with step {}. EM started the later steps from this last step",
+           "the data have {}, but the model ended with step {}. For the later steps, EM started from the matrices of this last step",
            words::plural(count(f, "steps"), "step"), count(f, "last"));
      }},
     {Kind::em_shortened, "em_shortened", note,
      [](const Finding& f) {
-       return fmt::format("the data have {}, but the model ended with step {}. It now ends with the data",
-                          words::plural(count(f, "steps"), "step"), count(f, "last"));
+       return fmt::format(
+           "the data have {}, but the model ended with step {}. The new model ends with the last step of the data",
+           words::plural(count(f, "steps"), "step"), count(f, "last"));
      }},
     {Kind::output_unpredicted, "output_unpredicted", warning,
      [](const Finding& f) {
-       return fmt::format("output {} is predicted no better than by its mean: {} % fit over one step", channel(f),
+       return fmt::format("the one-step predictions of output {} are no better than the mean of this output (fit {} %)", channel(f),
                           figure(f, "fit"));
      }},
     {Kind::output_missimulated, "output_missimulated", warning,
      [](const Finding& f) {
-       return fmt::format("output {} is simulated worse than by its mean: {} % fit", channel(f), figure(f, "fit"));
+       return fmt::format(
+           "the simulation of output {} is worse than the mean of this output (fit {} %)",
+           channel(f), figure(f, "fit"));
      }},
     {Kind::output_still, "output_still", warning,
      [](const Finding& f) { return fmt::format("output {} is constant in the new experiments", channel(f)); }},
@@ -637,12 +669,14 @@ constexpr Entry table[] = {
      [](const Finding& f) { return names_differ(f, "outputs"); }},
     {Kind::units_differ, "units_differ", warning,
      [](const Finding& f) {
-       return fmt::format("the {}'s {} is in {}, the model's in {}: tokid does not convert units", compared(f),
-                          sides_and_names(f.channels), f.names[0], f.names[1]);
+       return fmt::format(
+           "the {}'s {} has the unit {}, but this channel of the model has the unit {}. tokid does not convert units",
+           compared(f),
+           sides_and_names(f.channels), f.names[0], f.names[1]);
      }},
     {Kind::model_ends_early, "model_ends_early", warning,
      [](const Finding& f) {
-       return fmt::format("the model ends with step {}: it does not cover the last {} of the data", count(f, "last"),
+       return fmt::format("the model ends with step {}, so it does not cover the last {} of the data", count(f, "last"),
                           words::plural(count(f, "steps"), "step"));
      }},
     {Kind::nothing_predicted, "nothing_predicted", warning,
@@ -652,69 +686,71 @@ constexpr Entry table[] = {
            count(f, "begin"), count(f, "end"), count(f, "needed"));
      }},
     {Kind::nothing_predicted_ahead, "nothing_predicted_ahead", warning,
-     [](const Finding& f) { return fmt::format("no step could be predicted {} steps ahead", count(f, "horizon")); }},
+     [](const Finding& f) { return fmt::format("no step could be predicted {} steps ahead. Use a smaller horizon", count(f, "horizon")); }},
     {Kind::simulation_overflows, "simulation_overflows", warning,
-     [](const Finding&) { return std::string("the simulation overflows: the model is unstable over its steps"); }},
+     [](const Finding&) { return std::string("the simulated outputs overflow, because the model is unstable over its steps"); }},
     {Kind::outputs_absent, "outputs_absent", warning,
      [](const Finding&) {
-       return std::string("no step of the data has outputs of the model: all of them are missing (NaN)");
+       return std::string("all computed outputs are missing (NaN): the model gives no output at any step of the data");
      }},
     {Kind::simulated_from, "simulated_from", note,
      [](const Finding& f) {
-       return fmt::format("the initial states are unknown: simulated from the {} at step {}, where the model begins",
-                          f.detail, count(f, "step"));
+       return fmt::format(
+           "the initial states are unknown: the simulation starts from the {} at step {}, where the model begins",
+           f.detail, count(f, "step"));
      }},
     {Kind::exact_stretches, "exact_stretches", warning,
      [](const Finding&) {
        return std::string(
-           "the deciding stretches are free of noise, but other stretches are noisy. Try --method subspace or --lags");
+           "the stretches of the data on which tokid made its choices are free of noise, but other stretches are noisy. State --method subspace or --lags");
      }},
     {Kind::constant_stretches, "constant_stretches", note,
      [](const Finding& f) {
        return fmt::format(
-           "the deciding stretches show no variation over time, but the rest of the record may vary. lambda = {} is used",
+           "the stretches of the data on which tokid made its choices show no variation over time, but the system may vary in the other stretches. tokid uses the smoothing lambda = {}",
            figure(f, "smoothing"));
      }},
     {Kind::experiments_known, "experiments_known", note, [](const Finding& f) { return known(f); }},
     {Kind::state_without_digests, "state_without_digests", warning,
      [](const Finding& f) {
        return fmt::format(
-           "the state was begun by an earlier version of tokid, and has no digests of {}: new experiments that repeat one of these are not recognised and count twice. To avoid this, make a new state with identify --state",
+           "an earlier version of tokid began the state file, which has no digests of {}. If one of these experiments is added again, tokid does not notice it, and the experiment counts twice. To avoid this, make a new state file with identify --state",
            words::plural(count(f, "count"), "experiment"));
      }},
     {Kind::update_noisy, "update_noisy", warning,
      [](const Finding&) {
        return std::string(
-           "the experiments are noisy, but the choices of the state assume data without noise. Identify again from all experiments");
+           "the experiments are noisy, but the choices in the state file assume data without noise. Identify again from all experiments");
      }},
     {Kind::update_few_experiments, "update_few_experiments", warning,
      [](const Finding& f) {
-       return fmt::format("fewer experiments than unknowns at {}: the solution of smallest norm is used there",
-                          words::step_list(f.steps));
+       return fmt::format(
+           "there are fewer experiments than unknowns at {}: tokid uses the solution of smallest norm at these steps",
+           words::step_list(f.steps));
      }},
     {Kind::update_states_below, "update_states_below", warning,
      [](const Finding& f) {
-       return fmt::format("{} states asked for, but the experiments show only {}", count(f, "asked"),
+       return fmt::format("{} states were asked for, but the experiments show only {} states", count(f, "asked"),
                           count(f, "found"));
      }},
     {Kind::bounds_of_other_data, "bounds_of_other_data", warning,
      [](const Finding&) {
        return std::string(
-           "the model was not identified from these data: bounds need the ensemble of its identification");
+           "the model was not identified from these data, but bounds need the data of its identification");
      }},
     {Kind::bounds_of_regressions, "bounds_of_regressions", note,
      [](const Finding& f) {
        return fmt::format(
-           "these are the bounds of the regressions. A model of method {} does not follow from the regressions alone: bounds of its parameters and eigenvalues need the bootstrap",
+           "these bounds belong to the regressions only. A model of the method {} does not follow from the regressions alone, so bounds of its parameters and eigenvalues need the bootstrap (--method bootstrap)",
            f.detail);
      }},
     {Kind::bounds_without_free_responses, "bounds_without_free_responses", note,
      [](const Finding&) {
        return std::string(
-           "the factors of the regressions contain no free responses, which the eigenvalues depend on. Use the bootstrap for bounds of the eigenvalues");
+           "the eigenvalues depend on free responses, which the factors of the regressions do not contain. Use the bootstrap for bounds of the eigenvalues");
      }},
     {Kind::no_eigenvalue_bounds, "no_eigenvalue_bounds", warning,
-     [](const Finding& f) { return fmt::format("no bounds of eigenvalues: {}", f.detail); }},
+     [](const Finding& f) { return fmt::format("no bounds of the eigenvalues were computed: {}", f.detail); }},
     {Kind::infinite_bounds, "infinite_bounds", warning,
      [](const Finding& f) {
        return fmt::format(
@@ -723,94 +759,98 @@ constexpr Entry table[] = {
      }},
     {Kind::replicates_failed, "replicates_failed", warning,
      [](const Finding& f) {
-       return fmt::format("{} of {} replicates could not be identified", count(f, "failed"), count(f, "replicates"));
+       return fmt::format(
+           "{} of {} replicates of the bootstrap could not be identified",
+           count(f, "failed"), count(f, "replicates"));
      }},
     {Kind::bounds_of_other_model, "bounds_of_other_model", warning,
      [](const Finding&) {
        return std::string(
-           "the options and these data do not reproduce the model. The bounds are those of the model that the options and the data give");
+           "an identification from these data with the options of the model gives another model. The bounds belong to that other model");
      }},
     {Kind::bounds_too_narrow, "bounds_too_narrow", warning,
      [](const Finding& f) {
        return fmt::format(
-           "the bounds are too narrow: {:.0f} % of the Markov parameters of two halves of the experiments agree within their 95 % bounds. The regressions do not describe these data fully. Use the bootstrap",
+           "the bounds are too narrow: between models of two halves of the experiments, only {:.0f} % of the Markov parameters agree within their 95 % bounds. The regressions do not describe these data fully. Use the bootstrap",
            number(f, "agreement"));
      }},
     {Kind::bounds_with_bias, "bounds_with_bias", warning,
      [](const Finding& f) {
        return fmt::format(
-           "do not rely on the bounds at {}: there, the smoothing lambda = {} changes the estimates more than the noise does. The system may change faster than lambda permits, for example at a jump",
+           "do not rely on the bounds at {}: at these steps, the smoothing lambda = {} changes the estimates more than the noise does. The system may change faster than lambda permits, for example at a jump",
            words::step_list(f.steps), figure(f, "smoothing"));
      }},
     {Kind::bounds_without_bias, "bounds_without_bias", warning,
      [](const Finding& f) {
        return fmt::format(
-           "the bounds do not include the bias of the smoothing lambda = {}, because no model with weaker smoothing could be identified. They are too narrow where the system changes fast",
+           "the bounds do not include the bias of the smoothing lambda = {}, because no model with weaker smoothing could be identified. The bounds are too narrow where the system changes fast",
            figure(f, "smoothing"));
      }},
     {Kind::bounds_of_constant_system, "bounds_of_constant_system", note,
      [](const Finding&) {
        return std::string(
-           "the bounds suppose that nothing varies over time. They do not contain a variation that is too small to be found");
+           "the bounds assume that the system does not vary over time. The bounds do not include variations that are too small to be found");
      }},
     {Kind::option_without_effect, "option_without_effect", note,
-     [](const Finding& f) { return fmt::format("{} has no effect on bounds from the factors", f.detail); }},
+     [](const Finding& f) { return fmt::format("{} has no effect, because these bounds come from the factors of the regressions, not from a bootstrap", f.detail); }},
     {Kind::plan_of_departures, "plan_of_departures", note,
      [](const Finding&) {
-       return std::string("the inputs are departures: add the nominal trajectory of the model to them");
+       return std::string("the planned inputs are departures from the nominal trajectory: add the nominal trajectory of the model to them");
      }},
     {Kind::plan_windows_sampled, "plan_windows_sampled", note,
      [](const Finding& f) {
-       return fmt::format("a window has {} inputs: their condition was computed for {} of {} windows only",
-                          count(f, "inputs"), count(f, "sampled"), count(f, "windows"));
+       return fmt::format(
+           "because each window has {} inputs, their condition number was computed for only {} of {} windows",
+           count(f, "inputs"), count(f, "sampled"), count(f, "windows"));
      }},
     {Kind::plan_late_forecasts, "plan_late_forecasts", note,
      [](const Finding& f) {
        return fmt::format(
-           "the model begins at step {}: the windows before step {} are neither forecast nor optimised. The later windows assume a zero state at step {}",
+           "the model begins at step {}, so windows before step {} are neither forecast nor optimised. The forecasts of the later windows assume a zero state at step {}",
            count(f, "step"), count(f, "first"), count(f, "step"));
      }},
     {Kind::plan_unknown_states, "plan_unknown_states", note,
-     [](const Finding&) { return std::string("unknown initial states: the forecasts assume that they are zero"); }},
+     [](const Finding&) { return std::string("the initial states are unknown: the forecasts assume zero initial states"); }},
     {Kind::plan_model_uncertain, "plan_model_uncertain", warning,
      [](const Finding& f) {
        return fmt::format(
-           "the innovations of the preliminary model are {} % of the outputs that it forecasts. Above {} %, inputs optimised with this model can be worse than orthogonal inputs",
+           "the innovations of the preliminary model have {} % of the size of the outputs that it forecasts. Above {} %, inputs optimised with this model can be worse than orthogonal inputs",
            figure(f, "share"), figure(f, "bound"));
      }},
     {Kind::plan_no_freedom, "plan_no_freedom", warning,
      [](const Finding& f) {
        return fmt::format(
-           "{} experiments leave no degree of freedom: the regressions will fit any data exactly, and the noise can't be estimated. With noise, use more experiments",
+           "{} experiments leave no degree of freedom: the regressions will fit any data exactly, and the noise can't be estimated. If the data have noise, use more experiments",
            count(f, "experiments"));
      }},
     {Kind::plan_below_recommendation, "plan_below_recommendation", warning,
      [](const Finding& f) {
-       return fmt::format("{} experiments found, {} recommended at this noise: use more experiments",
+       return fmt::format("the plan has {} experiments, but {} are recommended with this noise. Use more experiments",
                           count(f, "experiments"), count(f, "recommended"));
      }},
     {Kind::plan_rank_by_noise, "plan_rank_by_noise", warning,
      [](const Finding& f) {
        return fmt::format(
-           "p·m = {0} (lag order times outputs) exceeds n = {1} (states). Without noise, the windows have {3} columns, but at most rank {2}: noise alone determines the other directions",
+           "the lag order times the outputs (p·m = {0}) exceeds the states (n = {1}). Without noise, the regressions have {3} unknowns, but at most rank {2}: noise alone determines the other directions",
            count(f, "lags_outputs"), count(f, "states"), count(f, "rank"), count(f, "unknowns"));
      }},
     {Kind::plan_noisy_input, "plan_noisy_input", warning,
      [](const Finding& f) {
        return fmt::format(
-           "the noise on {} is {} % of its RMS: if the recorded input is noisy, the coefficients are too small by {} %",
+           "the noise on input {} is {} % of the RMS value of the input. If the recorded input contains this noise, the coefficients are too small by {} %",
            channel(f), figure(f, "share"), figure(f, "bias"));
      }},
     {Kind::plan_inputs_dependent, "plan_inputs_dependent", warning,
      [](const Finding& f) {
        return fmt::format(
-           "the inputs of {} windows are nearly dependent (condition above {}). Use another kind of inputs, another seed or more experiments",
-           count(f, "windows"), figure(f, "condition"));
+           "the planned inputs are nearly linearly dependent in {} (condition number above {}). Use another kind of inputs, another seed or more experiments",
+           words::plural(count(f, "windows"), "window"), figure(f, "condition"));
      }},
     {Kind::plan_ill_conditioned, "plan_ill_conditioned", warning,
      [](const Finding& f) {
-       return fmt::format("the model expects {} windows with a condition number above {}", count(f, "windows"),
-                          figure(f, "condition"));
+       return fmt::format(
+           "the model forecasts a condition number above {} in {}. Use more experiments, or other limits of the inputs",
+           figure(f, "condition"), words::plural(count(f, "windows"), "window"));
      }},
 };
 
@@ -847,10 +887,10 @@ std::string in_words(const Finding& finding) {
                                                 : finding.file + ": " + entry(finding.kind).words(finding);
   switch (finding.scope) {
     case Finding::Scope::deciding_stretches:
-      return "in the deciding stretches, " + text;
+      return "in the stretches of the data on which tokid made its choices, " + text;
     case Finding::Scope::new_experiments:
       return fmt::format(
-          "new experiments with the old model: {}. Check that the new experiments are from the same system, with the same channels",
+          "test of the old model on the new experiments: {}. Check that the new experiments are runs of the same system with the same channels",
           text);
     case Finding::Scope::cross_validation:
       return "cross-validation: " + text;
@@ -877,7 +917,7 @@ struct ExplanationEntry {
   std::string (*words)(const Explanation& e);
 };
 
-std::string as_usual(const std::string& change) { return fmt::format("with {} it would fit the others", change); }
+std::string as_usual(const std::string& change) { return fmt::format("It would fit with {}", change); }
 
 std::string name_of(const Explanation& e) { return sides_and_names(e.channels); }
 
@@ -916,14 +956,16 @@ constexpr ExplanationEntry explanations[] = {
      [](const Explanation& e) { return as_usual(fmt::format("{} {}", name_of(e), shift(e))); }},
     {Cause::outputs_shifted, "outputs_shifted",
      [](const Explanation& e) { return as_usual("the outputs " + shift(e)); }},
-    {Cause::all_shifted, "all_shifted", [](const Explanation& e) { return as_usual("everything " + shift(e)); }},
+    {Cause::all_shifted, "all_shifted", [](const Explanation& e) { return as_usual("all channels " + shift(e)); }},
     {Cause::stuck, "stuck",
      [](const Explanation& e) {
-       return fmt::format("its {} stays at {} at steps {}–{}", name_of(e), words::figure(e.numbers.at("value")), e.steps.front(),
-                          e.steps.back());
+       return fmt::format(
+           "Its {} stays at {} at steps {}–{}",
+           name_of(e), words::figure(e.numbers.at("value")), e.steps.front(),
+           e.steps.back());
      }},
     {Cause::one_output, "one_output",
-     [](const Explanation& e) { return "nearly all of the residual is in " + name_of(e); }},
+     [](const Explanation& e) { return "Nearly all of its residual is in " + name_of(e); }},
 };
 
 }  // namespace

@@ -102,7 +102,7 @@ void check_size(const Ensemble& data, const Plan& plan, bool tvera_asked) {
         would_do > 0
             ? fmt::format("{} suffice for lag orders up to {}", found, would_do)
             : fmt::format("too few for any lag order, {} are needed for lag order 1", experiments_for(data, 1, plan)),
-        tvera_asked ? "; coupled steps need fewer experiments (omit --method tvera)" : ""));
+        tvera_asked ? "; with smoothing over time, fewer experiments suffice (omit --method tvera)" : ""));
   }
   if (data.steps() < p + 1)
     throw std::invalid_argument(fmt::format("steps: {} found, lag order {} needs at least {}", data.steps(), p, p + 1));

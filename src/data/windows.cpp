@@ -57,7 +57,7 @@ WindowFactors kind_of(const Ensemble& e, Index lags, InitialState initial_state)
 void check_alike(const WindowFactors& a, const WindowFactors& b) {
   const auto differ = [](const char* what, const auto& found, const auto& needed) {
     throw std::invalid_argument(
-        fmt::format("{}: {} found, {} needed as in the experiments before", what, found, needed));
+        fmt::format("{}: {} found, {} needed as in the earlier experiments", what, found, needed));
   };
   if (a.steps() != b.steps()) differ("steps", b.steps(), a.steps());
   if (a.inputs != b.inputs) differ("inputs", b.inputs, a.inputs);

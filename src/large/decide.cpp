@@ -43,10 +43,11 @@ void check(const IdentifyOptions& o) {
         fmt::format("{}: {} found, which needs all steps at once. To identify in blocks, {}", what, found, remedy));
   };
   if (o.period > 0) refuse("period", std::to_string(o.period), "state no period");
-  if (o.smoothing && std::isinf(*o.smoothing)) refuse("smoothing", "infinity", "state a finite penalty");
+  if (o.smoothing && std::isinf(*o.smoothing)) refuse("smoothing", "infinity", "state a finite smoothing");
   if (o.jumps && !o.jumps->empty()) refuse("jumps", std::to_string(o.jumps->front()), "state no jumps");
   if (o.outliers != OutlierChoice::keep)
-    refuse("outliers", find_option("outliers")->write(o).get<std::string>(), "keep outliers, which are then named");
+    refuse("outliers", find_option("outliers")->write(o).get<std::string>(),
+           "use outliers keep: tokid then names the outliers and keeps them");
   if (o.frame == Frame::reference) refuse("frame", "reference", "use the frame raw or smooth");
 }
 

@@ -41,19 +41,20 @@ void remember(std::vector<Digest>& known, std::vector<Digest> given) {
 
 UpdateState update_state(const Ensemble& data, const Identification& result, const IdentifyOptions& options) {
   if (result.held_out)
-    throw std::invalid_argument("hold-out fraction: found, but an update state needs all experiments; use no hold-out");
+    throw std::invalid_argument(
+        "hold-out fraction: held-out experiments found, but a state file needs all experiments; use no hold-out");
   for (const Corrections::Experiment& e : result.model.provenance.corrections.experiments)
     if (e.weight > 0)
       throw std::invalid_argument(
-          "outliers: downweight found, and experiments that count less than others, but an update state needs "
-          "experiments of equal weight; use drop or keep");
+          "outliers: downweight found, which gave experiments different weights, but a state file needs experiments of "
+          "equal weight; use drop or keep");
   if (data.free.experiments > 0 && result.plan.method == Method::tvera)
     throw std::invalid_argument(
-        "free responses: found, but an update state of the method tvera can't contain them; only forced "
-        "experiments needed");
+        "free responses: free responses found, but a state file of the method tvera can't contain them; data without "
+        "free responses needed");
   if (result.plan.noisy && result.model.states() == 0)
     throw std::invalid_argument(
-        "states: none can be distinguished from the noise, at least one needed for an update state");
+        "states: no state can be distinguished from the noise, but a state file needs at least one");
   UpdateState state;
   Plan& plan = state.plan = result.plan;
   NoisyChoices& choices = plan.choices;
@@ -68,7 +69,7 @@ UpdateState update_state(const Ensemble& data, const Identification& result, con
   choices.refinement_iterations = 0;
   if ((plan.coupled && choices.weighting == Weighting::projection) || options.weighting == Weighting::projection)
     throw std::invalid_argument(
-        "weighting: projection found, which needs the samples, but an update state has none; use --weighting "
+        "weighting: projection found, which needs samples, but a state file contains no samples; use --weighting "
         "one-step or many-steps");
   const std::vector<Index> rows = used_experiments(data.experiments(), result.copies, result.dependent);
   const bool all = Index(rows.size()) == data.experiments();
@@ -130,7 +131,8 @@ void check_update(const UpdateState& state, const Ensemble& more) {
   const WindowFactors& before = state.factors;
   check_alike(before, kind_of(more, before.lags, more.initial_state.value_or(before.initial_state)));
   if (more.free.experiments > 0)
-    throw std::invalid_argument("free responses: found, but only forced experiments can be added");
+    throw std::invalid_argument(
+        "free responses: free responses found, but they can't be added to a state file; data without free responses needed");
   check_magnitudes(samples, more.names, more.inputs());
 }
 

@@ -1,4 +1,4 @@
-// Reads and writes the files of update states, which docs/formats.md describes.
+// Reads and writes state files, which docs/formats.md describes.
 // SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/format.h>
 
@@ -198,7 +198,7 @@ UpdateState load_update_state(const std::filesystem::path& path) {
   UpdateState state;
   load_arrays(path, update_names(), [&](const Fields& fields) {
     if (!is_update_state(fields.names()))
-      fail("{} found, an update state that identify --state writes ('window_factors') needed",
+      fail("{} found, a state file that identify --state writes ('window_factors') needed",
            is_model(fields.names())      ? "a model"
            : is_ensemble(fields.names()) ? "an ensemble"
                                          : "another file");

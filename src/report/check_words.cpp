@@ -59,7 +59,7 @@ constexpr UntestedWords untested_words[] = {
     {Untested::unknown_experiments, "unknown_experiments", "not known"},
     {Untested::no_lag_order, "no_lag_order", "the model has no lag order"},
     {Untested::without_noise, "without_noise", "data without noise"},
-    {Untested::no_regressions, "no_regressions", "the model has none"},
+    {Untested::no_regressions, "no_regressions", "the model has no condition numbers"},
     {Untested::no_inputs, "no_inputs", "the model has no inputs"},
     {Untested::few_input_samples, "few_input_samples", "too few samples of the inputs"},
     {Untested::no_ranks, "no_ranks", "the model has no ranks"},
@@ -144,10 +144,10 @@ class Words {
       case CheckKind::one_step_fit:
         return {"One-step prediction fit", fits(), fits_needed()};
       case CheckKind::simulation_fit:
-        return {"Simulation fit, which decides", fits(), fits_needed()};
+        return {"Simulation fit, which decides the verdict", fits(), fits_needed()};
       case CheckKind::prediction_fit:
-        return {fmt::format("Prediction fit {} ahead, which decides", plural(count("horizon"), "step")), fits(),
-                fits_needed()};
+        return {fmt::format("Prediction fit {} ahead, which decides the verdict", plural(count("horizon"), "step")),
+                fits(), fits_needed()};
       case CheckKind::input_effect:
         return {"Effect of the inputs on the predictions, relative to the prediction error", figure(value(), 3),
                 fmt::format("{:.1f} or more", bound())};
@@ -209,11 +209,11 @@ class Words {
     std::string found = check_.untested ? "" : count_of(Index(value()), assessed, "input");
     if (others > 0) found += fmt::format(", too few samples of {}", plural(others, "other input"));
     if (number("over_time") > 0) return {"Inputs that vary over time or between the experiments", found, "all"};
-    return {
-        "Inputs that vary between the experiments at every step", found,
-        fmt::format("all, with a spread of {:.0f} % or more of the usual one. A smaller one does not count if chance "
-                    "explains it (expected at {} steps or more)",
-                    100 * bounds::weak_input, bounds::chance)};
+    return {"Inputs that vary between the experiments at every step", found,
+            fmt::format(
+                "all, with a spread of {:.0f} % or more of the median of all steps. A smaller spread does not count "
+                "if chance explains it (expected at {} steps or more)",
+                100 * bounds::weak_input, bounds::chance)};
   }
 
   CheckWords innovations() const {
@@ -255,21 +255,21 @@ class Words {
         return {fmt::format("correlation {} on average over the steps, beyond its bound", figure(value(), 3)),
                 fmt::format("no correlation beyond 1.5 times its bound, or {}", small(0))};
       case Reason::gains_unknown:
-        return {fmt::format("99 % interval of ± {} of the simulation", share(value())),
+        return {fmt::format("99 % interval of ± {} of the simulated outputs", share(value())),
                 fmt::format("± {:.0f} % or less", 100 * bound())};
       case Reason::gains_wrong:
-        return {fmt::format("significant error of {} of the simulation", share(value())),
+        return {fmt::format("significant error of {} of the simulated outputs", share(value())),
                 fmt::format("no significant error, or one below {:.0f} %", 100 * bound())};
       case Reason::gains_lost_in_noise:
-        return {fmt::format("99 % interval of ± {} of the simulation, no significant error", share(value())),
+        return {fmt::format("99 % interval of ± {} of the simulated outputs, no significant error", share(value())),
                 fmt::format("± {:.0f} % or less, and no significant error of {:.0f} % or more", 100 * bound(),
                             100 * figure_of(1).bound)};
       case Reason::gains_confirmed:
         return {fmt::format("99 % interval of ± {} of the effect, no significant error", share(number("interval"))),
-                fmt::format("no significant error of {:.0f} % of the simulation or more", 100 * bound())};
+                fmt::format("no significant error of {:.0f} % of the simulated outputs or more", 100 * bound())};
       default:
         return {
-            fmt::format("{} times, {}", figure(value(), 3), probability(number("p"))),
+            fmt::format("{} times the stated covariance, {}", figure(value(), 3), probability(number("p"))),
             fmt::format("{:.0f} times the stated covariance or less, for p {} {}{}", bound(),
                         number("p") >= unlikely ? "of" : "below", unlikely, number("p") >= unlikely ? " or more" : "")};
     }

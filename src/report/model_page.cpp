@@ -153,9 +153,9 @@ class Report {
                         tile(percent_range(v.one_step.fit), "one-step prediction fit");
     if (verdict_.horizon > 0)
       tiles += tile(percent_range(found_.deciding.fit.fit),
-                    fmt::format("fit {} ahead, which decides", plural(verdict_.horizon, "step")));
+                    fmt::format("fit {} ahead, which decides the verdict", plural(verdict_.horizon, "step")));
     static constexpr const char* whiteness[] = {"", "innovations without correlation",
-                                                "innovations correlated in time, but little",
+                                                "innovations correlated in time, but only a little",
                                                 "innovations correlated in time"};
     const TestResult white = found_.conclusions.whiteness.result;
     if (white != TestResult::untested)
@@ -163,9 +163,10 @@ class Report {
     else
       tiles += tile("–", found_.noisy ? "whiteness: too few samples" : "innovations at rounding level");
     if (!std::isnan(v.squares.ratio))
-      tiles += tile(figure(v.squares.ratio, 3), "squared innovations over their stated covariance; 1 is right");
+      tiles += tile(figure(v.squares.ratio, 3), "squared innovations over their stated covariance; 1 is ideal");
     if (model_.has(&Step::has_condition))
-      tiles += tile(figure(found_.condition_max, 3), "worst condition, median " + figure(found_.condition_median, 3));
+      tiles += tile(figure(found_.condition_max, 3),
+                    "largest condition number; median " + figure(found_.condition_median, 3));
     tiles += tile(fmt::format("{}", model_.states()), model_.states() == 1 ? "state" : "states");
 
     return fmt::format(
@@ -180,13 +181,14 @@ class Report {
     const Conclusions& c = found_.conclusions;
     std::vector<std::string> small;
     for (const auto& [test, conclusion] :
-         {std::pair{"their correlation in time", &c.whiteness}, std::pair{"that with the inputs", &c.independence},
+         {std::pair{"their correlation in time", &c.whiteness},
+          std::pair{"their correlation with the inputs", &c.independence},
           std::pair{"the effects of the inputs", &c.gains}, std::pair{"their size", &c.nis}})
       if (conclusion->result == TestResult::negligible) small.emplace_back(test);
-    if (small.empty()) return "None of the checks of this page speaks against the model.";
+    if (small.empty()) return "No check of this page speaks against the model.";
     return fmt::format(
-        "No check counts against the model. The innovations differ from those of an exact model beyond chance, "
-        "but too little to matter: {}.",
+        "No check speaks against the model. The innovations differ from those of an exact model by more than chance "
+        "explains, but too little to matter: {}.",
         fmt::join(small, ", "));
   }
 
@@ -201,26 +203,26 @@ class Report {
         verdict_.horizon > 0
             ? ""
             : fmt::format(
-                  " A simulation fit from 0 % on is no reason for distrust if predictions {} ahead fit {:.0f} % or more. "
-                  "This does not apply if the inputs of the identification never vary.",
+                  " A simulation fit of 0 % or more is no reason for distrust if predictions {} ahead have a fit of "
+                  "{:.0f} % or more. This exception does not apply if the inputs of the identification never vary.",
                   plural(found_.horizon, "step"), bounds::good_fit);
     const std::vector<std::string> rules = {
         fmt::format(
-            "The simulation decides. Where the noise that the model states would spoil the simulation of an exact "
-            "model too (fit below {:.0f} %, and errors above {:.2f} times those of one step), a bad simulation is "
-            "no fault of the model: then predictions decide, over as many steps as an exact model would predict well, "
-            "up to 100.",
+            "The fit of the simulation decides the status. There is one exception: with the noise that the model states, "
+            "even the simulation of an exact model may be bad (fit below {:.0f} %, and errors above {:.2f} times those of "
+            "one-step predictions). Then the fit of predictions decides, over as many steps as an exact model would "
+            "predict well, up to 100.",
             bounds::expected_fit, bounds::like_one_step),
-        "Good: every check that can be made has passed. The table of the checks below has each figure and the bound "
-        "that it needs.",
-        "Look closer: a check has not passed. The reasons above say why.",
+        "Good: the model passed every check that can be made. The table of the checks below shows each figure and its "
+        "bound.",
+        "Look closer: the model did not pass a check. The reasons above say why.",
         fits.empty()
             ? "Don’t trust: nothing was tested."
-            : fmt::format("Don’t trust: {} below {:.0f} %; an overflow; inputs that never vary, beside a fit "
-                          "that is not good. Noise that the model states explains a fit of {:.0f} % or more "
-                          "whose errors are at most {:.2f} times those of an exact model: it is no reason for "
-                          "distrust.{}",
-                          fmt::join(fits, " or "), bounds::poor_fit, bounds::useless_fit, bounds::as_expected, ahead)};
+            : fmt::format(
+                  "Don’t trust: {} is below {:.0f} %, or the model overflows, or the inputs never vary and the "
+                  "fit is not good. A fit of {:.0f} % or more is no reason for distrust if its errors are at most "
+                  "{:.2f} times those of an exact model with the noise that the model states.{}",
+                  fmt::join(fits, " or "), bounds::poor_fit, bounds::useless_fit, bounds::as_expected, ahead)};
     return "<details class=\"note\"><summary>How the status is decided</summary>" + list(rules, "plain") +
            "<p><a href=\"#checks\">All checks with their figures and bounds</a></p></details>\n";
   }

@@ -148,11 +148,11 @@ class Assessment {
 
   std::string why_not_simulation() const {
     const DecidingHorizon& h = found_.deciding;
-    std::string text =
-        fmt::format("Evaluated by predictions {} ahead, fit {}: ", plural(h.steps, "step"), percent_range(deciding_));
+    std::string text = fmt::format("The model is evaluated by predictions {} ahead (fit {}): ", plural(h.steps, "step"),
+                                   percent_range(deciding_));
     const char* noise = h.stated ? "the noise that the model states" : "noise as large as its innovations";
     const double exact = least(of_moving(h.expected_simulation));
-    return text + fmt::format("{} would spoil the simulation of an exact model too ({}).", noise,
+    return text + fmt::format("{} would make even the simulation of an exact model bad ({}).", noise,
                               exact < 0 ? "fit below 0 %" : fmt::format("fit {}", percent(exact)));
   }
 
@@ -212,7 +212,7 @@ class Assessment {
     }
     if (std::isinf(simulation)) {
       against(result, Trust::look_closer,
-              "No output varies over the simulated steps, so that the fit of the simulation says nothing.");
+              "No output varies over the simulated steps, so the fit of the simulation has no meaning.");
       return result;
     }
     if (result.kept()) return result;
@@ -223,14 +223,16 @@ class Assessment {
             ? fmt::format("; with the noise that the model states, an exact model would reach {}", percent(exact))
             : "";
     if (noise_explains(simulation_, found_.deciding.expected_simulation))
-      against(result, Trust::look_closer,
-              fmt::format("The simulation fits output {} to {}, and the noise that the model states allows no more.",
-                          output, percent(simulation)));
+      against(
+          result, Trust::look_closer,
+          fmt::format(
+              "The simulation fit of output {} is {}, and the noise that the model states does not permit a better fit.",
+              output, percent(simulation)));
     else if (simulation < bounds::poor_fit && simulation >= 0 && ahead >= bounds::good_fit && !inputs_unknown())
       against(result, Trust::look_closer,
               fmt::format(
-                  "The simulation fits output {} to {} only{}. Predictions {} ahead fit {}: use the model only with "
-                  "its observer, and only for predictions over as many steps.",
+                  "The simulation fit of output {} is only {}{}. Predictions {} ahead have a fit of {}: use the model "
+                  "only with its observer, and only for predictions over as many steps.",
                   output, percent(simulation), promise, plural(found_.horizon, "step"),
                   percent_range(of_moving(v.horizon.fit))));
     else if (simulation < 0)
@@ -239,10 +241,10 @@ class Assessment {
                           percent(simulation), promise));
     else if (simulation < bounds::poor_fit)
       against(result, Trust::distrust,
-              fmt::format("The simulation fits output {} to {} only{}.", output, percent(simulation), promise));
+              fmt::format("The simulation fit of output {} is only {}{}.", output, percent(simulation), promise));
     else
       against(result, Trust::look_closer,
-              fmt::format("The simulation fits output {} to {}; {:.0f} % or more would be good{}.", output,
+              fmt::format("The simulation fit of output {} is {}; {:.0f} % or more would be good{}.", output,
                           percent(simulation), bounds::good_fit, promise));
     return result;
   }
@@ -254,19 +256,20 @@ class Assessment {
     Check result = check(Kind::prediction_fit, fit_figure(deciding_, h.fit, bounds::good_fit));
     result.numbers = {{"horizon", double(h.steps)}};
     const std::string found =
-        fmt::format("Predictions {} fit output {} to {}", ahead, name_of_worst(deciding_), percent(fit));
-    const std::string exact = fmt::format("those of an exact model would fit {}", percent_range(of_moving(h.expected)));
+        fmt::format("For output {}, the fit of predictions {} is {}", name_of_worst(deciding_), ahead, percent(fit));
+    const std::string exact =
+        fmt::format("predictions of an exact model would have a fit of {}", percent_range(of_moving(h.expected)));
     if (!h.fit.rmse.allFinite())
       against(result, Trust::distrust, fmt::format("The predictions {} overflow.", ahead));
     else if (std::isinf(fit))
       against(
           result, Trust::look_closer,
-          fmt::format("No output varies over the steps of the predictions {}, so that their fit says nothing.", ahead));
+          fmt::format("No output varies over the steps of the predictions {}, so their fit has no meaning.", ahead));
     else if (!result.kept() && noise_explains(deciding_, h.expected))
       against(result, Trust::look_closer,
-              fmt::format("{}, and the noise that the model states allows no more.", found));
+              fmt::format("{}, and the noise that the model states does not permit a better fit.", found));
     else if (fit < bounds::poor_fit)
-      against(result, Trust::distrust, fmt::format("{} only; {}.", found, exact));
+      against(result, Trust::distrust, fmt::format("{}, which is too small; {}.", found, exact));
     else if (!result.kept())
       against(result, Trust::look_closer, fmt::format("{}; {}.", found, exact));
     return result;
@@ -305,17 +308,17 @@ class Assessment {
     }
     if (moving == 0) {
       nothing_tested(std::move(outputs), fmt::format("Nothing was tested: no output varies in {}.", tested()),
-                     "Constant outputs say nothing about the model, however well it reproduces them.");
+                     "Constant outputs do not test a model, however well the model reproduces them.");
       return false;
     }
     for (const Index j : found_.constant_outputs)
-      against(
-          outputs, Trust::look_closer,
-          fmt::format(
-              "Output {} is constant in these data, and its fit says nothing: RMS error {} in the one-step "
-              "predictions{}.",
-              found_.names.output(j), figure(v.one_step.rmse(j), 3),
-              v.simulation.samples > 0 ? fmt::format(", {} in the simulation", figure(v.simulation.rmse(j), 3)) : ""));
+      against(outputs, Trust::look_closer,
+              fmt::format(
+                  "Output {} is constant in these data, so its fit has no meaning. Its RMS error is {} in the one-step "
+                  "predictions{}.",
+                  found_.names.output(j), figure(v.one_step.rmse(j), 3),
+                  v.simulation.samples > 0 ? fmt::format(" and {} in the simulation", figure(v.simulation.rmse(j), 3))
+                                           : ""));
     add(std::move(outputs));
     add(one_step_check());
     if (found_.deciding.steps > 0) {
@@ -343,8 +346,9 @@ class Assessment {
     else if (!result.kept()) {
       const bool noise = noise_explains(one_step_, found_.deciding.expected_one_step);
       against(result, noise ? Trust::look_closer : Trust::distrust,
-              fmt::format("One-step predictions fit output {} to {} only{}.", name_of_worst(one_step_),
-                          percent(one_step), noise ? ", and the noise that the model states allows no more" : ""));
+              fmt::format("The one-step prediction fit of output {} is only {}{}.", name_of_worst(one_step_),
+                          percent(one_step),
+                          noise ? ", and the noise that the model states does not permit a better fit" : ""));
     }
     return result;
   }
@@ -382,8 +386,8 @@ class Assessment {
     if (few_errors(result, found_.step_excess)) return result;
     if (!result.kept())
       against(result, Trust::look_closer,
-              fmt::format("One-step errors at {} are more than {:.0f} times the median.", step_list(found_.error_peaks),
-                          bounds::error_peak));
+              fmt::format("One-step errors at {} are more than {:.0f} times the median error of all steps.",
+                          step_list(found_.error_peaks), bounds::error_peak));
     return result;
   }
 
@@ -414,8 +418,8 @@ class Assessment {
     if (!result.kept())
       against(result, Trust::look_closer,
               fmt::format(
-                  "Errors of {} are more than {:.0f} times the median of all experiments: look for other conditions, a "
-                  "failed sensor, or a model that is not valid there.",
+                  "Errors of {} are more than {:.0f} times the median of all experiments. Check whether the conditions "
+                  "differ, a sensor failed, or the model is not valid for these experiments.",
                   experiment_list(found_, outlying), outlying_experiment));
     return result;
   }
@@ -427,7 +431,7 @@ class Assessment {
     result.numbers = {{"tested", double(tested)}, {"steps", double(model_.steps())}};
     if (!result.kept())
       against(result, Trust::look_closer,
-              fmt::format("The data test only {} of the model's {}; they do not test {}.", tested,
+              fmt::format("The data test only {} of the model's {}; the data do not test {}.", tested,
                           plural(model_.steps(), "step"), step_list(found_.untested)));
     return result;
   }
@@ -443,7 +447,8 @@ class Assessment {
         check(Kind::experiments, {"count", {double(found_.experiments)}, Rule::at_least, double(bounds::few_tested)});
     if (!experiments.kept())
       against(experiments, Trust::look_closer,
-              fmt::format("Only {} tested.", found_.experiments == 1 ? "one experiment was" : "two experiments were"));
+              fmt::format("The model was tested on only {}.",
+                          found_.experiments == 1 ? "one experiment" : "two experiments"));
     add(std::move(experiments));
   }
 
@@ -460,18 +465,19 @@ class Assessment {
     if (from > 0 && unknowns == 0) return untested(std::move(result), Untested::no_lag_order);
     if (!training && !found_.noisy) return untested(std::move(result), Untested::without_noise);
     if (from == 0)
-      against(result, Trust::look_closer,
-              "Tested only on training data, and the number of training experiments is not known: test on new "
-              "experiments.");
+      against(
+          result, Trust::look_closer,
+          "The model was tested only on training data, and the number of training experiments is not known. Test the "
+          "model on new experiments.");
     else if (training && !result.kept())
       against(result, Trust::look_closer,
-              fmt::format("Tested only on training data, {} for {} unknowns per output and step: such a fit proves "
-                          "little. Hold experiments back, or measure new ones.",
+              fmt::format("The model was tested only on its training data: {} for {} unknowns per output and step. "
+                          "A good fit on so few data proves little. Hold experiments out, or measure new experiments.",
                           plural(found_.identified_from, "experiment"), unknowns));
     else if (!result.kept())
       against(result, Trust::look_closer,
-              fmt::format("Identified from {} for {} unknowns per output and step: noise is hardly averaged out of "
-                          "the model. Use {} or more.",
+              fmt::format("The model was identified from {} for {} unknowns per output and step: averaging hardly "
+                          "reduces the noise of the model. Use {} experiments or more.",
                           plural(found_.identified_from, "experiment"), unknowns, bounds::training_samples * unknowns));
     return result;
   }
@@ -490,7 +496,8 @@ class Assessment {
                        step_list(weak.steps));
   }
   std::string spread(const WeakInput& weak) const {
-    return fmt::format("its spread over the experiments falls to {} % of the usual one", figure(100 * weak.spread, 2));
+    return fmt::format("its spread over the experiments falls to {} % of the median of all steps",
+                       figure(100 * weak.spread, 2));
   }
 
   void regressions() {
@@ -520,10 +527,11 @@ class Assessment {
       return fmt::format("{} {} ill-conditioned", capital(step_list(steps)), steps.size() == 1 ? "is" : "are");
     };
     const auto against_steps = [&](const std::vector<Index>& steps, const std::string& why) {
-      against(result, Trust::look_closer,
-              fmt::format("Condition numbers reach {} at {}, against a median of {}: {}. Expect few correct digits of "
-                          "the matrices there.",
-                          figure(found_.condition_max, 2), step_list(steps), figure(found_.condition_median, 2), why));
+      against(
+          result, Trust::look_closer,
+          fmt::format("Condition numbers reach {} at {}, but their median is {}: {}. The matrices of these steps have "
+                      "few correct digits.",
+                      figure(found_.condition_max, 2), step_list(steps), figure(found_.condition_median, 2), why));
     };
     if (!explained.empty()) {
       std::vector<std::string> briefly, fully;
@@ -540,7 +548,7 @@ class Assessment {
           unexplained,
           found_.samples > 0 && found_.samples < bounds::samples * found_.unknowns
               ? fmt::format("{} are few for {} unknowns", plural(found_.identified_from, "experiment"), found_.unknowns)
-              : "some inputs or outputs of neighbouring steps are almost dependent over the experiments");
+              : "some inputs or outputs of neighbouring steps are almost linearly dependent in all experiments");
     }
     return result;
   }
@@ -559,8 +567,9 @@ class Assessment {
       if (std::find(causes.begin(), causes.end(), &weak) != causes.end()) continue;
       const std::string text = capital(constancy(weak));
       if (remark_.empty()) remark_ = text + ".";
-      const char* effect = options_.evaluation == Evaluation::training ? "its effect there can hardly be identified"
-                                                                       : "its effect there is hardly tested";
+      const char* effect = options_.evaluation == Evaluation::training
+                               ? "its effect at these steps can hardly be identified"
+                               : "its effect at these steps is hardly tested";
       if (weak.always)
         against(result,
                 inputs_unknown() && !(least(deciding_) >= bounds::good_fit) ? Trust::distrust : Trust::look_closer,
@@ -578,8 +587,8 @@ class Assessment {
     if (!found_.noisy) return untested(std::move(result), Untested::without_noise);
     if (!result.kept())
       against(result, Trust::look_closer,
-              fmt::format("The regressions of {} lack full rank: some effects can't be separated, and the solution of "
-                          "smallest norm is used.",
+              fmt::format("The regressions of {} do not have full rank: some effects can't be separated from each "
+                          "other, and tokid uses the solution of smallest norm.",
                           step_list(found_.deficient)));
     return result;
   }

@@ -227,4 +227,4 @@ def test_a_wrong_experiment_is_told_without_noise(tokid, tmp_path):
         file["y"][7] *= -1
     found = tokid.json("identify", data, "-o", tmp_path / "model.h5", "--block", 200)
     assert [other["experiment"] for other in found["outliers"]] == [7]
-    assert any("in the deciding stretches, experiment 7 does not fit the others" in text for text in found["warnings"])
+    assert any("in the stretches of the data on which tokid made its choices, experiment 7 does not fit the other experiments" in text for text in found["warnings"])

@@ -122,7 +122,7 @@ def test_other_data_are_remarked_on(tokid, tmp_path, noisy):
     tokid("example", "oscillator", "-o", tmp_path / "other.npz", "--experiments", N, "--steps", T, "--seed", 5,
           "--measurement-noise", 0.03)
     result = tokid("confidence", noisy / "model.npz", tmp_path / "other.npz", "-o", tmp_path / "bounds.npz")
-    assert "bounds need the ensemble of its identification" in result.stderr
+    assert "bounds need the data of its identification" in result.stderr
 
 
 @pytest.mark.parametrize("arguments,words", [

@@ -40,15 +40,16 @@ def test_the_model_is_that_of_each_experiment_once(tokid, tmp_path, change, nois
     plain = tokid.json("identify", once, "-o", tmp_path / "plain.npz", "--no-refine")
     found = tokid.json("identify", twice, "-o", tmp_path / "found.npz", "--report", tmp_path / "page.html", "--no-refine")
     assert found["copies"] == [[n, 12 + n] for n in range(12)]
-    assert found["warnings"][0].startswith("12 of 24 experiments are copies of others, within rounding: 12 of 0; 13 of 1; ")
+    assert found["warnings"][0].startswith("12 of 24 experiments are copies of other experiments, within rounding: "
+                                           "experiment 12 of experiment 0; experiment 13 of experiment 1; ")
     assert found["experiments"] == 12 and found["states"] == plain["states"] and found["one_step_fit"] == plain["one_step_fit"]
     model, expected = load(tmp_path / "found.npz"), load(tmp_path / "plain.npz")
     for name in "ABCDG":
         assert np.array_equal(model[name], expected[name])
-    assert "12 of 24 experiments are copies of others" in (tmp_path / "page.html").read_text()
+    assert "12 of 24 experiments are copies of other experiments" in (tmp_path / "page.html").read_text()
     # The data are known as those of the identification, and folds share no experiment.
     tokid("report", tmp_path / "found.npz", twice, "-o", tmp_path / "again.html")
-    assert "12 of 24 experiments are copies of others" in (tmp_path / "again.html").read_text()
+    assert "12 of 24 experiments are copies of other experiments" in (tmp_path / "again.html").read_text()
     folds = tokid.json("validate", tmp_path / "found.npz", twice, "--cross-validate", 3)["cross_validation"]
     own = tokid.json("validate", tmp_path / "plain.npz", once, "--cross-validate", 3)["cross_validation"]
     assert folds["one_step_fit"] == own["one_step_fit"]
@@ -63,7 +64,8 @@ def test_validation_judges_each_experiment_once(tokid, tmp_path):
     plain = tokid.json("validate", tmp_path / "model.npz", once)
     found = tokid.json("validate", tmp_path / "model.npz", copied)
     assert found["warnings"][0].startswith(
-        "8 of 20 experiments are copies of others, within rounding: 12 and 16 of 0; 13 and 17 of 1; ")
+        "8 of 20 experiments are copies of other experiments, within rounding: experiments 12 and 16 of experiment 0; "
+        "experiments 13 and 17 of experiment 1; ")
     assert not any("copies" in text for text in plain["warnings"])
     for name in ("one_step_fit", "simulation_fit", "whiteness_p", "nis", "samples"):
         assert found[name] == plain[name]
@@ -100,7 +102,7 @@ def test_updates_use_each_experiment_once(tokid, tmp_path):
         tokid("identify", first, "-o", tmp_path / "model.npz", "--state", tmp_path / f"{name}.h5", "--no-refine")
         told = tokid.json("update", tmp_path / f"{name}.h5", data, "-o", tmp_path / f"{name}.npz")
         assert (told["new_experiments"], told["experiments"]) == (16, 40)
-    assert "twice.npz: 16 of 32 experiments are copies of others, within rounding: 16 of 0;" in told["warnings"][0]
+    assert "twice.npz: 16 of 32 experiments are copies of other experiments, within rounding: experiment 16 of experiment 0;" in told["warnings"][0]
     with h5py.File(tmp_path / "plain.h5") as plain, h5py.File(tmp_path / "found.h5") as found:
         assert np.array_equal(plain["window_factors"][()], found["window_factors"][()])
 

@@ -129,7 +129,7 @@ def test_too_few_samples_to_find_the_state(tokid, identify, tmp_path, thrown):
     steps = found["k_begin"] + 1
     np.savez(tmp_path / "short.npz", u=u[:, :steps], y=y[:, :steps], initial_state="unknown")
     result = tokid("predict", tmp_path / "model.npz", tmp_path / "short.npz", "-o", tmp_path / "out.npz")
-    assert len(result.stderr.splitlines()) == 1 and "all of them are missing" in result.stderr
+    assert len(result.stderr.splitlines()) == 1 and "all computed outputs are missing" in result.stderr
     assert np.isnan(load(tmp_path / "out.npz")["y"]).all()
     # What the tool writes it also reads; only what needs outputs refuses to go without.
     tokid("info", tmp_path / "out.npz")

@@ -55,7 +55,7 @@ def case(name):
     return add
 
 
-@case("an input at rest")
+@case("an input that is zero at some steps")
 def _(folder, tokid):
     u = gaussian()
     u[:, 10:15, 1] = 0
@@ -69,21 +69,21 @@ def _(folder, tokid):
     return identify(folder, u, experiments(u), "--nominal", "none")
 
 
-@case("an input at rest all along a record")
+@case("an input that is zero in a whole record")
 def _(folder, tokid):
     u = gaussian(count=1, steps=400)
     u[:, :, 1] = 0
     return identify(folder, u, experiments(u, 0.02), "--time-invariant", "--states", 2, "--no-refine")
 
 
-@case("an input that is the same all along a record")
+@case("an input that is constant in a whole record")
 def _(folder, tokid):
     u = gaussian(count=1, steps=400)
     u[:, :, 1] = 2.5
     return identify(folder, u, experiments(u, 0.02), "--time-invariant", "--states", 2, "--no-refine")
 
 
-@case("an input at rest at some phases of a period")
+@case("an input that is zero at some steps of a period")
 def _(folder, tokid):
     u = gaussian(count=8, steps=80)
     u[:, 1::4, 1] = u[:, 2::4, 1] = 0
@@ -132,19 +132,19 @@ def _(folder, tokid):
     return identify(folder, u, experiments(u))
 
 
-@case("few experiments that smoothing has to help out")
+@case("fewer experiments than unknowns, with smoothing")
 def _(folder, tokid):
     u = gaussian(count=3)
     return identify(folder, u, experiments(u, 0.05), "--states", 2, "--no-refine")
 
 
-@case("few experiments, and no smoothing")
+@case("few experiments without smoothing")
 def _(folder, tokid):
     u = gaussian(count=5)
     return identify(folder, u, experiments(u, 0.05), "--states", 2, "--lags", 1, "--smoothing", 0, "--no-refine")
 
 
-@case("steps that no experiment has samples of")
+@case("steps without samples in any experiment")
 def _(folder, tokid):
     u = gaussian()
     y = experiments(u, 0.02)
@@ -152,7 +152,7 @@ def _(folder, tokid):
     return identify(folder, u, y, "--states", 2, "--no-refine")
 
 
-@case("an output that never moves")
+@case("a constant output")
 def _(folder, tokid):
     u = gaussian()
     y = experiments(u)
@@ -160,7 +160,7 @@ def _(folder, tokid):
     return identify(folder, u, y)
 
 
-@case("an output that rests at some steps")
+@case("an output that is the same in all experiments at some steps")
 def _(folder, tokid):
     u = gaussian()
     y = experiments(u)
@@ -253,7 +253,7 @@ def _(folder, tokid):
     return identify(folder, *wild(change), "--states", 2, "--lags", 2, "--no-refine")
 
 
-@case("one experiment out of step")
+@case("one experiment with shifted outputs")
 def _(folder, tokid):
     def change(u, y):
         y[2:] = y[:-2].copy()
@@ -307,7 +307,7 @@ def _(folder, tokid):
     return csv(folder, [np.round(k / 30, 2)] * 2)
 
 
-@case("one wild time")
+@case("one wrong time")
 def _(folder, tokid):
     wild = 0.1 * np.arange(30)
     wild[17] = 77.77
@@ -319,18 +319,18 @@ def _(folder, tokid):
     return csv(folder, [0.1 * np.arange(30), 0.03 + 0.1 * np.arange(30)])
 
 
-@case("a clock that goes wrong")
+@case("a clock with a wrong rate")
 def _(folder, tokid):
     return csv(folder, [0.1 * np.arange(60), 0.1005 * np.arange(60)])
 
 
-@case("experiments of another length")
+@case("outputs with fewer steps than the inputs")
 def _(folder, tokid):
     u = gaussian()
     return identify(folder, u, experiments(u)[:, :-1])
 
 
-@case("times by a name that is not known")
+@case("a column of times with an unknown name")
 def _(folder, tokid):
     csv(folder, [0.1 * np.arange(30)] * 2)
     file = folder / "data.csv"
@@ -345,7 +345,7 @@ def _(folder, tokid):
     return ["info", file]
 
 
-@case("step numbers that are something else")
+@case("a column of step numbers that contains something else")
 def _(folder, tokid):
     (folder / "data.csv").write_text("experiment,step,u1,y1\na,0,1,2\na,0,2,3\na,1,3,4\n")
     return ["info", folder / "data.csv"]
@@ -376,7 +376,7 @@ def _(folder, tokid):
     return ["info", file]
 
 
-@case("times that are uneven beside arrays")
+@case("uneven times in a file of arrays")
 def _(folder, tokid):
     u = gaussian()
     np.savez(folder / "data.npz", u=u, y=experiments(u), initial_state="zero", time=0.1 * np.arange(T) ** 1.1)
@@ -390,19 +390,19 @@ def _(folder, tokid):
     return ["identify", folder / "data.npz", "-o", folder / "model.npz"]
 
 
-@case("time before experiments")
+@case("axes in the order steps, experiments, channels")
 def _(folder, tokid):
     u = gaussian(count=50)
     return identify(folder, u.swapaxes(0, 1), experiments(u).swapaxes(0, 1))
 
 
-@case("channels before time")
+@case("axes in the order experiments, channels, steps")
 def _(folder, tokid):
     u = gaussian()
     return ["info", data(folder, u.swapaxes(1, 2), experiments(u).swapaxes(1, 2))]
 
 
-@case("channels before time in two axes")
+@case("two axes in the order channels, steps")
 def _(folder, tokid):
     u = gaussian(count=1, steps=200)
     return ["info", data(folder, u[0].T, experiments(u, outputs=1)[0].T)]
@@ -478,7 +478,7 @@ def test_outliers_are_numbered_as_in_the_data(tokid, tmp_path):
         cause = outlier["explanation"]
         assert (cause["kind"], cause["steps"], cause["numbers"]) == ("swapped", [], {})
         assert [channel["name"] for channel in cause["channels"]] == ["y1", "y2"]
-        assert cause["text"] == "with outputs y1 and y2 swapped it would fit the others"
+        assert cause["text"] == "It would fit with outputs y1 and y2 swapped"
 
 
 def test_a_stuck_sensor_is_told_once(tokid, tmp_path):
@@ -486,7 +486,7 @@ def test_a_stuck_sensor_is_told_once(tokid, tmp_path):
     arguments = CASES["a sensor that is stuck in one experiment"](tmp_path, tokid)
     for more in ([], ["--hold-out", 0.25]):
         text, = (line for line in messages(tokid, [*arguments, *more]) if "experiment 12" in line)
-        assert "Check whether its sensor is stuck" in text
+        assert "Check whether the sensor of this output was stuck" in text
 
 
 @pytest.mark.parametrize("third", ["at rest", "an input, a step later"])
@@ -553,10 +553,10 @@ def test_streams_tell_what_every_stretch_shows(tokid, tmp_path):
         file["u"], file["y"], file["initial_state"] = u, y, "zero"
     said = messages(tokid, ["identify", tmp_path / "data.h5", "-o", tmp_path / "model.h5", "--block", 400,
                             "--lags", 2, "--states", 2, "--no-refine"])
-    assert any(line.startswith("in the deciding stretches, input u1 follows from earlier inputs") and
+    assert any(line.startswith("in the stretches of the data on which tokid made its choices, input u1 is determined by earlier inputs") and
                "601–609" in line for line in said), said
     text, = (line for line in said if "experiment 12" in line)
-    assert text.startswith("in the deciding stretches, output y1 stays at ") and "steps 700–799" in text
+    assert text.startswith("in the stretches of the data on which tokid made its choices, output y1 stays at ") and "steps 700–799" in text
 
 
 def test_streams_look_at_the_stretches_that_decide(tokid, tmp_path):
@@ -565,7 +565,7 @@ def test_streams_look_at_the_stretches_that_decide(tokid, tmp_path):
     u[7], y[7] = u[3], y[3]
     with h5py.File(tmp_path / "data.h5", "w") as file:
         file["u"], file["y"], file["initial_state"] = u, y, "zero"
-    assert ("in the deciding stretches, 1 of 40 experiments is a copy of another, within rounding: 7 of 3. The blocks "
-            "use all experiments, so cross-validation errors look too small. Delete these experiments, or call with --block "
-            "all") in messages(
+    assert ("in the stretches of the data on which tokid made its choices, 1 of 40 experiments is a copy of another experiment, within rounding: experiment 7 of experiment 3. An identification in "
+            "blocks uses these experiments, too, so the cross-validation errors are too small. Delete these experiments from "
+            "the data, or identify with --block all") in messages(
                 tokid, ["identify", tmp_path / "data.h5", "-o", tmp_path / "model.h5", "--block", 400])

@@ -35,23 +35,23 @@ def test_the_model_is_that_of_the_independent_experiments(tokid, tmp_path):
     assert [c["of"] for c in found["dependent"]] == [[n, n + 10] for n in range(10)] + [[n] for n in range(10)]
     assert np.allclose(found["dependent"][0]["weights"], [1, 1], rtol=1e-12)  # digits of a least squares solution
     assert np.allclose(found["dependent"][10]["weights"], [2], rtol=1e-12)
-    said = ('20 of 40 experiments are sums or multiples of others, within rounding: "run 21" (row 20) of "run 1" (row 0) '
-            'and "run 11" (row 10); ')
-    assert found["warnings"][0].startswith(said) and "; and 16 more. They add no information" in found["warnings"][0]
+    said = ('20 of 40 experiments are sums or multiples of other experiments, within rounding: '
+            'experiment "run 21" (row 20) of experiments "run 1" (row 0) and "run 11" (row 10); ')
+    assert found["warnings"][0].startswith(said) and "; and 16 more experiments. These experiments add no information" in found["warnings"][0]
     assert found["experiments"] == 20 and found["states"] == plain["states"]
     model, expected = load(tmp_path / "found.npz"), load(tmp_path / "plain.npz")
     for name in "ABCDG":
         assert np.array_equal(model[name], expected[name])
     judged = tokid.json("validate", tmp_path / "found.npz", fresh)
     assert min(judged["simulation_fit"]) > 70  # noise of a tenth, in 20 experiments, without EM: 74
-    assert "20 of 40 experiments are sums or multiples of others" in (tmp_path / "page.html").read_text()
+    assert "20 of 40 experiments are sums or multiples of other experiments" in (tmp_path / "page.html").read_text()
 
     # What was made of training experiments is on neither side of a fold, and judges no model.
     tokid("report", tmp_path / "found.npz", made, "-o", tmp_path / "again.html")
-    assert "20 of 40 experiments are sums or multiples of others" in (tmp_path / "again.html").read_text()
+    assert "20 of 40 experiments are sums or multiples of other experiments" in (tmp_path / "again.html").read_text()
     again = tokid.json("validate", tmp_path / "found.npz", made, "--cross-validate", 3)
     once = tokid.json("validate", tmp_path / "plain.npz", own, "--cross-validate", 3)
-    assert again["warnings"][0].startswith("20 of 40 experiments are sums or multiples of others")
+    assert again["warnings"][0].startswith("20 of 40 experiments are sums or multiples of other experiments")
     assert again["simulation_fit"] == once["simulation_fit"]
     assert again["cross_validation"]["one_step_fit"] == once["cross_validation"]["one_step_fit"]
     assert max(max(fold["experiments"]) for fold in again["cross_validation"]["per_fold"]) == 19
@@ -74,4 +74,4 @@ def test_blocks_report_them(tokid, tmp_path):
     found = tokid.json("identify", tmp_path / "made.h5", "-o", tmp_path / "model.h5", "--block", 200,
                        "--lags", 3, "--states", 3)
     assert [c["experiment"] for c in found["dependent"]] == list(range(20, 40))
-    assert any("are sums or multiples of others" in text and "The blocks use all experiments" in text for text in found["warnings"])
+    assert any("are sums or multiples of other experiments" in text and "An identification in blocks uses these experiments" in text for text in found["warnings"])

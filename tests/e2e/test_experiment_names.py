@@ -57,7 +57,7 @@ def warnings(result):
 def test_the_bad_batch_is_called_by_its_label(tokid, tmp_path, campaign, data, shown, name, more):
     call = ["identify", campaign / f"{data}.csv", "-o", tmp_path / "model.npz", "--no-refine", *more]
     said = warnings(tokid(*call))
-    assert any(f"experiment {shown} does not fit the others" in line for line in said), said
+    assert any(f"experiment {shown} does not fit the other experiments" in line for line in said), said
     outlier, = tokid.json(*call)["outliers"]
     assert (outlier["experiment"], outlier["name"]) == (BAD, name)
 
@@ -234,5 +234,5 @@ def test_repeats_and_stuck_sensors_are_named(tokid, tmp_path):
     y[44, 10:, 0] = y[44, 10, 0]
     write_csv(tmp_path / "data.csv", u, y, dt, range(1, N + 1))
     said = tokid("identify", tmp_path / "data.csv", "-o", tmp_path / "model.npz", "--no-refine").stderr
-    assert '"31" (row 30) of "10" (row 9)' in said
+    assert '"31" (row 30) of experiment "10" (row 9)' in said
     assert 'in experiment "45" (row 44) at steps 10–29' in said

@@ -279,9 +279,11 @@ def test_other_units_are_told(tokid, tmp_path, oscillator):
         assert tokid(call, tmp_path / "made.npz", tmp_path / "newton.npz", "-o", tmp_path / "out.npz").stderr == ""
         said = tokid(call, tmp_path / "made.npz", tmp_path / "pound.npz", "-o", tmp_path / "out.npz").stderr
         assert said.splitlines() == [
-            "tokid: warning: the data's input u1 is in lbf, the model's in N: tokid does not convert units",
-            "tokid: warning: the data's output y2 is in ft, the model's in m: tokid does not convert units"]
-    assert "is in lbf" in "".join(tokid.json("validate", tmp_path / "made.npz", tmp_path / "pound.npz")["warnings"])
+            "tokid: warning: the data's input u1 has the unit lbf, but this channel of the model has the unit N. "
+            "tokid does not convert units",
+            "tokid: warning: the data's output y2 has the unit ft, but this channel of the model has the unit m. "
+            "tokid does not convert units"]
+    assert "has the unit lbf" in "".join(tokid.json("validate", tmp_path / "made.npz", tmp_path / "pound.npz")["warnings"])
 
 
 def test_steps_beyond_the_model_are_told(tokid, tmp_path, oscillator):
@@ -289,7 +291,7 @@ def test_steps_beyond_the_model_are_told(tokid, tmp_path, oscillator):
     for name in "u", "y":
         values[name] = np.concatenate([values[name]] * 2, axis=1)
     np.savez(tmp_path / "long.npz", **values)
-    told = "the model ends with step 39: it does not cover the last 40 steps of the data"
+    told = "the model ends with step 39, so it does not cover the last 40 steps of the data"
     assert tokid.json("validate", oscillator / "model.npz", tmp_path / "long.npz")["warnings"] == [told]
     for call in "simulate", "predict":
         computed = tokid(call, oscillator / "model.npz", tmp_path / "long.npz", "-o", tmp_path / "computed.npz")
@@ -390,9 +392,9 @@ def save_under_feedback(path, gain, seed):
 def test_feedback_in_the_same_step_is_a_warning_until_feedthrough_is_stated(tokid, tmp_path):
     data, model = tmp_path / "data.npz", tmp_path / "model.npz"
     words = ("input u1 and output y1 are correlated within a step, and the inputs depend on earlier outputs. The data "
-             "can't tell feedthrough from feedback in the same step, so D may be wrong. If the controller uses the output "
-             "of the same step, state that there is no feedthrough (--no-feedthrough). If it does not, state that there is "
-             "(--feedthrough)")
+             "do not show whether feedthrough or feedback within the step causes this correlation, so D may be wrong. If "
+             "the controller uses the output of the same step, state that there is no feedthrough (--no-feedthrough). "
+             "Otherwise, state that there is feedthrough (--feedthrough)")
     save_under_feedback(data, 0.8, 1)
     found = tokid("identify", data, "-o", model, "--no-refine", "--verbose")
     assert words in " ".join(found.stderr.split())

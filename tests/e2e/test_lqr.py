@@ -149,9 +149,9 @@ def test_differences_of_the_truth_are_reported(tokid, folder):
     found = tokid.json(*call, folder / "differs.npz")
     assert [(f["kind"], f["detail"]) for f in found["findings"]] == [
         (kind, "truth") for kind in ("sample_time_differs", "output_names_differ", "units_differ")]
-    assert "the truth's outputs are named x, phi, the model's x, angle" in found["warnings"]
+    assert "the truth's outputs are named x, phi, but the model's outputs are named x, angle" in found["warnings"]
     stderr = tokid(*call, folder / "differs.npz").stderr
-    assert "the truth's dt = " in stderr and "is in kN, the model's in N" in stderr
+    assert "the truth's dt = " in stderr and "has the unit kN, but this channel of the model has the unit N" in stderr
 
 
 def test_simulated_cost_is_that_expected(tokid, folder):
@@ -238,7 +238,7 @@ def test_rows_of_costs(tokid, folder):
     model.update(initial_state="unknown")
     np.savez(folder / "unknown.npz", **{name: value for name, value in model.items() if not name.startswith("x0_")})
     text = tokid("lqr", folder / "unknown.npz", "-o", folder / "unknown.h5").stdout
-    places = [text.index(part) for part in ("expected with the observer", "with the nominal inputs alone", "This presumes")]
+    places = [text.index(part) for part in ("expected with the observer", "with the nominal inputs alone", "This cost presumes")]
     assert places == sorted(places)
 
 

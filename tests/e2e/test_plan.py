@@ -100,7 +100,7 @@ def test_numbers_for_people(tokid, tmp_path, oscillator):
         assert text in shown if text.startswith("/") else text in " ".join(shown.split())
     shown = tokid("plan", "--model", oscillator / "model.npz", "--noise", "0.01:0.1", "--experiments", 60, "-o",
                   tmp_path / "inputs.npz").stdout
-    assert re.search(r"best one-step error: \d.* % of the outputs; Markov parameters: \d.* %", shown)
+    assert re.search(r"best one-step error: \d.* % of the outputs; error of the Markov parameters: \d.* %", shown)
     result = tokid("plan", *SIZES, "--steps", 80, "--experiments", 10, "-o", tmp_path / "inputs.npz")
     assert "no degree of freedom" in result.stderr
     shown = tokid("plan", *SIZES, "--steps", 80, "--noise", "0:0", "-o", tmp_path / "inputs.npz").stdout
@@ -119,7 +119,7 @@ def test_noise_beyond_reach(tokid, tmp_path, oscillator):
     assert list(tmp_path.iterdir()) == []
     drawn = tokid.json(*arguments, "--experiments", 100)
     assert (drawn["experiments"], drawn["recommended"]) == (100, int(needed.group(1)))
-    assert any(f"{drawn['recommended']} recommended" in text for text in drawn["warnings"])
+    assert any(f"{drawn['recommended']} are recommended" in text for text in drawn["warnings"])
 
 
 @pytest.mark.parametrize("alike", [1e-9, 1e-12, 5e-13])
@@ -149,7 +149,7 @@ def test_initial_states_are_those_of_the_model(tokid, tmp_path):
     assert (result["first_step"], result["first_forecast"]) == (2, begin + 2)
     assert [c is None for c in result["condition"]["per_step"]] == [k < begin + 2 for k in range(40)]
     assert [c is None for c in result["input_condition"]["per_step"]] == [k < 2 for k in range(40)]
-    assert any(f"begins at step {begin}: the windows before step {begin + 2}" in text for text in result["warnings"])
+    assert any(f"begins at step {begin}, so windows before step {begin + 2}" in text for text in result["warnings"])
     assert str(load(tmp_path / "inputs.npz")["initial_state"]) == "unknown"
     assert tokid.json(*arguments, "--initial-state", "zero")["initial_state"] == "zero"
     assert str(load(tmp_path / "inputs.npz")["initial_state"]) == "zero"

@@ -199,7 +199,7 @@ def test_a_last_line_without_its_break(tokid, tmp_path):
     file = table(tmp_path / "data.csv", end="", steps=range(40))
     last = file.read_text().splitlines()
     text, = warnings(tokid, "info", file)
-    assert f"line {len(last)}, the last one" in text and f"y1 = '{last[-1].split(',')[-1]}'" in text
+    assert f"the last line {len(last)} ends" in text and f"y1 = '{last[-1].split(',')[-1]}'" in text
     model = tmp_path / "model.npz"
     found = warnings(tokid, "identify", file, "-o", model, "--lags", "1", "--time-invariant")
     assert text in found and text in warnings(tokid, "validate", model, file)
@@ -212,7 +212,7 @@ def test_a_last_line_without_its_break(tokid, tmp_path):
 
 # The checksum in the first line
 
-CHANGED = "it was changed after tokid wrote it"
+CHANGED = "file was changed after tokid wrote it"
 
 
 @pytest.fixture
@@ -241,7 +241,7 @@ def test_a_file_that_was_changed(tokid, tmp_path, written):
         written.write_text(changed)
         found = warnings(tokid, "info", written)
         assert len(found) == 1 and CHANGED in found[0] and f"'{written}'" in found[0]
-        assert "remove that line if you changed the file by hand; otherwise the file is damaged" in found[0]
+        assert "Remove this line if you changed the file by hand. Otherwise the file is damaged" in found[0]
     for arguments in (["identify", written, "-o", model, "--lags", "1", "--time-invariant"],
                       ["validate", model, written]):
         assert told_of(warnings(tokid, *arguments), CHANGED)
@@ -330,7 +330,7 @@ def test_no_sample_time(tokid, tmp_path, extension):
     file, model = write(tmp_path / f"data{extension}", u=u, y=y), tmp_path / "model.npz"
     for arguments in (["info", file], ["identify", file, "-o", model]):
         text, = told_of(warnings(tokid, *arguments), "sample time")
-        assert "dt = 1 s is assumed" in text
+        assert "tokid assumes dt = 1 s" in text
     assert tokid.json("info", file)["dt_stated"] is False
     # The model knows, and so does what it makes of such data.
     assert tokid.json("info", model)["dt_stated"] is False and "dt is assumed" in tokid("info", model).stdout
@@ -348,11 +348,11 @@ def test_the_sample_time_of_the_model_stands_in(tokid, tmp_path):
     tokid("identify", write(tmp_path / "stated.npz", u=u, y=y, dt=0.05), "-o", model, "--state", tmp_path / "state.npz")
     file = write(tmp_path / "data.npz", u=u[::2], y=y[::2])
     text, = warnings(tokid, "validate", model, file)
-    assert "The model's dt = 0.05 s is assumed" in text
+    assert "tokid assumes the model's dt = 0.05 s" in text
     tokid("predict", model, file, "-o", tmp_path / "out.npz")
     assert load(tmp_path / "out.npz")["dt"] == 0.05
     new = tokid.json("update", tmp_path / "state.npz", file)
-    assert told_of(new["warnings"], "data.npz: ", "The model's dt = 0.05 s is assumed")
+    assert told_of(new["warnings"], "data.npz: ", "tokid assumes the model's dt = 0.05 s")
 
 
 def test_step_numbers_state_no_sample_time(tokid, tmp_path):
@@ -393,8 +393,8 @@ def test_other_names_of_the_sample_time(tokid, tmp_path, extension):
         assert dt(**named) == (DT, []), named
     # What is stated needs no other name, but no other time either.
     assert dt(dt=DT, Ts=DT, t=times, fs=20.0) == (DT, [])
-    assert dt(dt=0.1, Ts=DT) == (0.1, [f"'dt' = 0.1 and 'Ts' = {DT} found, which differ: 'dt' is used"])
-    assert dt(Ts=0.1, time=times) == (0.1, [f"'Ts' = 0.1 and times with steps of {DT} found, which differ: 'Ts' is used"])
+    assert dt(dt=0.1, Ts=DT) == (0.1, [f"'dt' = 0.1 and 'Ts' = {DT} differ. tokid uses 'dt'"])
+    assert dt(Ts=0.1, time=times) == (0.1, [f"'Ts' = 0.1 and the steps of {DT} between the times differ. tokid uses 'Ts'"])
     uneven, gap, back = times.copy(), times.copy(), times[::-1]
     uneven[7] += 0.01
     gap[7:] += DT
@@ -402,7 +402,7 @@ def test_other_names_of_the_sample_time(tokid, tmp_path, extension):
                         ("time", np.tile(times, (40, 1))), ("t", times + 1j), ("fs", 20.0), ("sample_time", DT),
                         ("time_ms", 50.0), ("t", np.where(times > 1, np.nan, times))):
         stated, texts = dt(**{name: value})
-        assert stated is None and told_of(texts, f"'{name}' is not used: the sample time is 'dt'", "30 even"), name
+        assert stated is None and told_of(texts, f"'{name}' is not used, because a sample time needs the name 'dt'", "30 evenly"), name
         assert told_of(texts, "no sample time")
     assert told_of(dt(fs=20.0, t=uneven)[1], "'fs'", "'t'", "are not used")
     assert len(dt(T=30, tau=0.3, temperature=times)[1]) == 1
@@ -450,11 +450,11 @@ def test_time_before_experiments(tokid, tmp_path, extension):
     assert tokid.json("info", right)["warnings"] == []
     swapped = write(tmp_path / f"swapped{extension}", u=u.swapaxes(0, 1), y=y.swapaxes(0, 1), dt=0.1)
     text, = tokid.json("info", swapped)["warnings"]
-    assert "40 experiments of 50 steps" in text and "(N, T, channels), not (T, N, channels)" in text
+    assert "40 experiments of 50 steps" in text and "(experiments, steps, channels), not (steps, experiments, channels)" in text
     process = run(tokid, "identify", swapped, "-o", tmp_path / "model.npz")
-    assert "axes look swapped" in process.stderr
+    assert "arrays look swapped" in process.stderr
     tokid("identify", right, "-o", tmp_path / "model.npz")
-    assert told_of(tokid.json("validate", tmp_path / "model.npz", swapped)["warnings"], "axes look swapped")
+    assert told_of(tokid.json("validate", tmp_path / "model.npz", swapped)["warnings"], "arrays look swapped")
 
 
 def run(tokid, *arguments):
@@ -469,9 +469,9 @@ def test_channels_before_time(tokid, tmp_path):
     u, y = samples(experiments=50, steps=40)
     swapped = write(tmp_path / "swapped.npz", u=u.swapaxes(1, 2), y=y.swapaxes(1, 2), dt=0.1)
     text, = tokid.json("info", swapped)["warnings"]
-    assert "50 experiments of 2 steps with 40 inputs and 40 outputs" in text and "not (N, channels, T)" in text
+    assert "50 experiments of 2 steps with 40 inputs and 40 outputs" in text and "not (experiments, channels, steps)" in text
     error = tokid("identify", swapped, "-o", tmp_path / "model.npz", status=2).stderr
-    assert "not (N, channels, T)" in error
+    assert "not (experiments, channels, steps)" in error
     # Without as many inputs as outputs the shapes don't go together.
     u, y = samples(experiments=50, steps=40, outputs=1)
     swapped = write(tmp_path / "swapped.npz", u=u.swapaxes(1, 2), y=y.swapaxes(1, 2), dt=0.1)
@@ -498,7 +498,7 @@ def test_channels_before_time_in_two_axes(tokid, tmp_path, extension):
     assert "shape (199, 1) found, (200, channels) like 'u' needed" in tokid("info", file, status=2).stderr
     # With as many inputs as outputs they go together.
     write_one(file, u=u[:, :1].T, y=y.T)
-    words = "u (1, 200) was read as one experiment of 1 step with 200 inputs", "For one experiment, use (T, r), not (r, T)"
+    words = "u of shape (1, 200) was read as one experiment of 1 step with 200 inputs", "For one experiment with 1 input, use the shape (200, 1)"
     assert told_of(tokid.json("info", file)["warnings"], *words)
     error = tokid("identify", file, "-o", tmp_path / "model.npz", "--time-invariant", status=2).stderr
     assert all(text in error for text in words)
@@ -511,8 +511,8 @@ def test_channels_before_time_in_two_axes(tokid, tmp_path, extension):
     for command in ("validate", "predict", "simulate", "refine"):
         output = [] if command == "validate" else ["-o", tmp_path / "out.npz"]
         error = tokid(command, tmp_path / "model.npz", file, *output, status=2).stderr
-        assert "inputs: 200 found, the model has 2; u (2, 200) was read as one experiment of 2 steps" in error
-        assert "not (r, T)" in error
+        assert "inputs: 200 found, the model has 2; the array u of shape (2, 200) was read as one experiment of 2 steps" in error
+        assert "use the shape (200, 2)" in error
 
 
 def write_one(path, u, y):
@@ -527,9 +527,9 @@ def test_two_axes_in_another_order(tokid, tmp_path):
     u, y = samples(experiments=30, steps=40)
     rows = write(tmp_path / "rows.npz", u=u[..., 0], y=y[..., 0], dt=0.1)  # (N, T)
     text, = tokid.json("info", rows)["warnings"]
-    assert "u (30, 40) was read as one experiment of 30 steps with 40 inputs. For N experiments with one input, use (N, T, 1)" in text
-    assert "(N, T, 1)" in tokid("identify", rows, "-o", tmp_path / "model.npz", status=2).stderr
+    assert "u of shape (30, 40) was read as one experiment of 30 steps with 40 inputs. For 30 experiments with one input, use the shape (30, 40, 1)" in text
+    assert "(30, 40, 1)" in tokid("identify", rows, "-o", tmp_path / "model.npz", status=2).stderr
     columns = write(tmp_path / "columns.npz", u=u[0].T, y=y[0].T, dt=0.1)  # (channels, T)
-    assert "For one experiment, use (T, r), not (r, T)" in tokid.json("info", columns)["warnings"][0]
+    assert "For one experiment with 2 inputs, use the shape (40, 2)" in tokid.json("info", columns)["warnings"][0]
     one = write(tmp_path / "one.npz", u=u[0][:, np.newaxis], y=y[0][:, np.newaxis], dt=0.1)  # (T, 1, channels)
-    assert "(1, T, channels)" in tokid.json("info", one)["warnings"][0]
+    assert "(1, 40, channels)" in tokid.json("info", one)["warnings"][0]

@@ -48,8 +48,8 @@ COLUMNS = ["--inputs", "valve [%]", "--outputs", "T [degC],p [bar]"]
 def test_a_folder_of_a_batch_plant_becomes_a_model(tokid, plant, tmp_path):
     model = tmp_path / "model.h5"
     result = tokid("identify", plant, *COLUMNS, "-o", model, "--hold-out", "0.2")
-    assert "in all files, lines 1 to 2 before the names of the columns in line 3 were skipped" in result.stderr
-    assert "22 cells with 'Bad' were read as missing samples; the first one is at batch1.csv, line 53" in result.stderr
+    assert "in all files, lines 1 to 2 were skipped, because the names of the columns are in line 3" in result.stderr
+    assert "22 cells with 'Bad' were read as missing samples. The first one is at batch1.csv, line 53" in result.stderr
     found = tokid.json("validate", model, *sorted(plant.glob("batch*5.csv")))
     assert found["data"] == [str(path) for path in sorted(plant.glob("batch*5.csv"))]
     # In simulation, the errors are hardly larger than the noise of the sensors: 0.05 K and 0.002 bar.
@@ -112,18 +112,18 @@ def test_dialects(tokid, tmp_path, dialect, encoding):
 def test_marks_of_thousands_are_not_decimal_marks(tokid, tmp_path):
     thousands = 't [s],u,y\n0,999,"1,000"\n1,998,"1,001"\n'
     message = tokid("info", write(tmp_path / "data.csv", thousands), status=2).stderr
-    assert "line 2: '1,000' found; its comma and those of all numbers may group thousands" in message
+    assert "line 2: '1,000' found; its comma and the commas of all numbers may group thousands" in message
     for mark in ".,":
         rising = "t [s];u;y\n" + "".join(f"{k};1;{y}\n" for k, y in enumerate(["998", "999", f"1{mark}000"]))
         message = tokid("info", write(tmp_path / "data.csv", rising), status=2).stderr
         assert f"line 4: '1{mark}000' found; this mark and those of all numbers seem to group thousands" in message
         assert "because column 'y' has whole numbers below 1000 without one" in message
     for text, remark in [
-        ("t [s];u;y\n0;999;1.000\n1;998;1.001\n", "points in numbers were read as decimal points: 1.000 is 1; write"),
-        ("t [s];u;y\n0;999;1,000\n1;998;1,001\n", "commas in numbers were read as decimal commas: 1,000 is 1; write"),
-        ("t [s];u;y\n0;9;1,5\n1;9;1,001\n", "commas in numbers were read as decimal commas: 1,5 is 1.5"),
-        ('t [s],u,y\n"0,5",9,"1,001"\n"1,5",9,"1,002"\n', "commas in numbers were read as decimal commas: 1,5 is 1.5"),
-        ('t [s],u,y\n0,9,"1,001"\n1,9,"0,125"\n', "commas in numbers were read as decimal commas: 1,5 is 1.5"),
+        ("t [s];u;y\n0;999;1.000\n1;998;1.001\n", "points in numbers were read as decimal points, so 1.000 is 1. If they"),
+        ("t [s];u;y\n0;999;1,000\n1;998;1,001\n", "commas in numbers were read as decimal commas, so 1,000 is 1. If they"),
+        ("t [s];u;y\n0;9;1,5\n1;9;1,001\n", "commas in numbers were read as decimal commas, so 1,5 is 1.5"),
+        ('t [s],u,y\n"0,5",9,"1,001"\n"1,5",9,"1,002"\n', "commas in numbers were read as decimal commas, so 1,5 is 1.5"),
+        ('t [s],u,y\n0,9,"1,001"\n1,9,"0,125"\n', "commas in numbers were read as decimal commas, so 1,5 is 1.5"),
     ]:
         data, warnings = read(tokid, tmp_path, write(tmp_path / "data.csv", text))
         assert remark in warnings and 1.001 in data["y"]
@@ -149,7 +149,7 @@ def test_times(tokid, tmp_path, kind):
     data, warnings = read(tokid, tmp_path, write(tmp_path / "data.csv", text))
     np.testing.assert_array_equal(data["u"][0, :, 0], U)
     assert data["dt"] == 0.1
-    assert ("dates were read as month/day, as '11/27/2026 1:12:05.0 PM'" in warnings) == (kind == "month/day/year")
+    assert ("dates were read as month/day, because of '11/27/2026 1:12:05.0 PM'" in warnings) == (kind == "month/day/year")
 
 
 def test_a_stated_column_of_times(tokid, tmp_path):
@@ -166,7 +166,7 @@ def test_dates_and_times_of_day_in_two_columns_over_midnight(tokid, tmp_path):
     text = "Date,Clock,u,y\n" + rows(lambda k, u, y: f"0{3 + (k > 4)}/04/2026,{(19 + k) % 24:02d}:00:00,{u},{y}")
     path = write(tmp_path / "data.csv", text)
     refused = tokid("info", path, status=2)
-    assert "'03/04/2026 19:00:00': day/month or month/day, which no date of the column shows" in refused.stderr
+    assert "'03/04/2026 19:00:00': this may be day/month or month/day, and no date of the column shows which of them" in refused.stderr
     assert "--dates day-first" in refused.stderr
     data, _ = read(tokid, tmp_path, path, "--dates", "day-first")
     assert data["dt"] == 3600
@@ -185,7 +185,7 @@ def test_times_of_day_of_several_days(tokid, tmp_path):
     path = write(tmp_path / "data.csv", times(["17:00", "18:00", "19:00", "20:00", "21:00", "09:00"]))
     data, warnings = read(tokid, tmp_path, path)
     assert data["dt"] == 3600 and data["u"][0, -1, 0] == 5 and data["u"].shape[1] == 17
-    assert "line 7: '09:00' after '21:00' was read as the time of another day" in warnings
+    assert "line 7: '09:00' after '21:00' was read as a time of another day" in warnings
     newest_first = [f"{h % 24:02d}:{m:02d}:00" for h in (25, 24, 23) for m in (40, 20, 0)]
     data, warnings = read(tokid, tmp_path, write(path, times(newest_first)))
     np.testing.assert_array_equal(data["u"][0, :, 0], range(8, -1, -1))
@@ -205,7 +205,7 @@ def test_times_that_can_mean_something_else(tokid, tmp_path):
     assert data["dt"] == 10 and "minutes" not in warnings
     data, warnings = read(tokid, tmp_path, write(path, times(short, "Time")))
     assert data["dt"] == 600
-    assert "column 'Time': times such as 05:10 were read as hours and minutes; for minutes and seconds" in warnings
+    assert "column 'Time': times such as 05:10 were read as hours and minutes. If they are minutes and seconds" in warnings
     assert "minutes" not in read(tokid, tmp_path, write(path, times(short, "Time [hh:mm]")))[1]
     message = tokid("info", write(path, times(["2026-11-27 13:00:00", "2026-11-27 13:00:01Z"])), status=2).stderr
     assert "line 3: '2026-11-27 13:00:01Z' found with a time zone, but '2026-11-27 13:00:00' in line 2 without" in message
@@ -221,20 +221,20 @@ def test_clocks_of_experiments(tokid, tmp_path):
         return read(tokid, tmp_path, folder)
 
     data, warnings = runs(a=0, b=5)
-    assert "read as those of one clock: the experiments begin up to 5 s apart" in warnings
+    assert "read as readings of one clock, on which the experiments begin up to 5 s apart" in warnings
     assert np.isnan(data["u"][1, :5, 0]).all()
     data, warnings = runs(a=0, b=19)  # one common sample
     np.testing.assert_array_equal(data["u"][:, 0, 0], [0, 0])
-    assert "less than half of the shortest one in common, so each one begins at its first row" in warnings
+    assert "less than half of the shortest experiment in common, so tokid lets each experiment begin at its first row" in warnings
     _, warnings = runs(a=0, b=30)
-    assert "have no time in common, so each one begins at its first row" in warnings
+    assert "have nothing in common, so tokid lets each experiment begin at its first row" in warnings
     assert runs(a=7, b=7)[1] == ""
     # Time stamps count from the first row of each file.
     for name, second in (("a", 0), ("b", 5)):
         write(folder / f"{name}.csv", times([f"2026-11-27 13:00:{second + k:02d}" for k in range(20)]))
     data, warnings = read(tokid, tmp_path, folder)
     np.testing.assert_array_equal(data["u"][:, 0, 0], [0, 0])
-    assert "in all files, time stamps count from the first row of the file; --trigger aligns" in warnings
+    assert "in all files, the time stamps count from the first row of each file. Use --trigger" in warnings
 
 
 def test_seconds_since_1970_keep_their_rounding(tokid, tmp_path):
@@ -255,7 +255,7 @@ def test_units_below_the_header_and_a_preamble(tokid, tmp_path):
     data, warnings = read(tokid, tmp_path, path, "--inputs", "Ventil", "--outputs", "Temperatur")
     np.testing.assert_array_equal(data["y"][0, :, 0], Y)
     assert list(data["output_units"]) == ["\u00b0C"] and data["dt"] == 1
-    assert "lines 1 to 3 before the names of the columns in line 4 were skipped" in warnings
+    assert "lines 1 to 3 were skipped, because the names of the columns are in line 4" in warnings
     assert "line 5 was read as the units of the columns" in warnings
 
 
@@ -270,7 +270,7 @@ def test_headers_below_preambles(tokid, tmp_path):
     ]:
         data, warnings = read(tokid, tmp_path, write(path, text), *options)
         np.testing.assert_array_equal(data["y"][0, :, 0], [2, 3, 4])
-        assert "before the names of the columns in line" in warnings
+        assert "because the names of the columns are in line" in warnings
     message = tokid("info", write(path, "a,b\nspeed,force\n1,2\n3,4\n5,6\n"), status=2).stderr
     assert "found among 'speed', 'force'" in message and "line 2 was taken for the header" in message
 
@@ -284,7 +284,7 @@ def test_switches_blank_lines_and_dates(tokid, tmp_path):
     path = tmp_path / "data.csv"
     data, warnings = read(tokid, tmp_path, write(path, "t [s],u,y\n0,ON,True\n1,off,false\n"))
     np.testing.assert_array_equal([data["u"][0, :, 0], data["y"][0, :, 0]], [[1, 0], [1, 0]])
-    assert "cells with on and true were read as 1, those with off and false as 0" in warnings
+    assert "cells with on and true were read as 1, and cells with off and false as 0" in warnings
     data, warnings = read(tokid, tmp_path, write(path, "u\n1\n\n3\n4\n\n"))
     np.testing.assert_array_equal(data["u"][0, :, 0], [1, np.nan, 3, 4])
     assert "1 blank line of the only column was read as missing samples" in warnings
@@ -372,7 +372,7 @@ def test_trigger(tokid, tmp_path):
     for condition in ("valve>0.5", "phase == heat"):
         data, warnings = read(tokid, tmp_path, folder, "--trigger", condition)
         assert list(data["experiment_names"]) == ["a", "b"]
-        assert f"trigger '{condition}': it never holds in experiment 'c', which was dropped" in warnings
+        assert f"trigger '{condition}': this condition never holds in experiment 'c', so this experiment was dropped" in warnings
         np.testing.assert_array_equal(data["u"][0, :, 0], range(7))
         np.testing.assert_array_equal(data["u"][1, :5, 0], range(5))
         assert list(data["length"]) == [7, 5]
@@ -389,8 +389,8 @@ def test_trigger_that_holds_at_the_first_row(tokid, tmp_path):
         write(folder / f"{run}.csv", "t [s],u,y,valve\n" + "".join(f"{k},{k},2,{v}\n" for k, v in enumerate(valve)))
     data, warnings = read(tokid, tmp_path, folder, "--trigger", "valve > 0.5")
     np.testing.assert_array_equal(data["u"][:, 0, 0], [2, 3, 0, 2])
-    assert "it already holds at the first row of experiment 'b'; step 0 is where it begins to hold again" in warnings
-    assert "it already holds at the first row of experiments 'c', 'd', so the event may be earlier" in warnings
+    assert "this condition already holds at the first row of experiment 'b'. Step 0 is the row at which the condition begins to hold again" in warnings
+    assert "this condition already holds at the first row of experiments 'c', 'd', so the event may be earlier" in warnings
 
 
 def test_missing_words_fulfil_no_trigger(tokid, tmp_path):
@@ -416,11 +416,11 @@ def test_resampling(tokid, tmp_path):
     gap = np.isnan(u)
     assert gap[81:120].all() and not gap[:79].any() and not gap[122:].any()  # not interpolated across the gap
     np.testing.assert_allclose(u[~gap], 2 * grid[~gap], rtol=0, atol=1e-12)  # linear data, linear interpolation
-    assert "interpolation correlates the noise of neighbouring steps" in warnings and "gap there is longer" in warnings
+    assert "interpolation makes the noise of neighbouring steps correlated" in warnings and "because their gap is longer" in warnings
     data, warnings = read(tokid, tmp_path, path, "--resample", "0.5", "--resample-method", "mean")
     inside = (t >= 0.75) & (t < 1.25)
     np.testing.assert_allclose(data["y"][0, 2, 0], np.mean(t[inside] ** 2), rtol=1e-12)
-    assert "of the standard deviation of the noise" in warnings
+    assert "reduce the standard deviation of the noise" in warnings
     data, _ = read(tokid, tmp_path, path, "--resample", "0.5", "--resample-method", "previous")
     np.testing.assert_array_equal(data["u"][0, 2, 0], 2 * t[t <= 1.0][-1])
 
@@ -436,11 +436,11 @@ def test_channels_that_are_logged_at_their_changes(tokid, tmp_path):
     data, warnings = read(tokid, tmp_path, path, "--resample", "1", "--resample-method", "previous",
                           "--longest-gap", "4")
     np.testing.assert_array_equal(np.flatnonzero(~np.isnan(data["u"][0, :, 0])), [0, *range(50, 55)])
-    assert "95 samples stay missing, because the gap there is longer than 4 s" in warnings
+    assert "95 samples stay missing, because their gap is longer than 4 s" in warnings
     late = write(tmp_path / "late.csv", text.replace("\n0,5,", "\n0,,"))
     _, warnings = read(tokid, tmp_path, late, "--resample", "1", "--resample-method", "previous")
     assert "50 samples stay missing before the first or after the last sample of the channel" in warnings
-    assert "because the gap" not in warnings
+    assert "because their gap" not in warnings
 
 
 def test_times_that_jitter_are_moved(tokid, tmp_path):
@@ -454,7 +454,7 @@ def test_times_that_jitter_are_moved(tokid, tmp_path):
     data, warnings = read(tokid, tmp_path, path, "--dt", "1")
     assert data["dt"] == 1
     np.testing.assert_array_equal(data["u"][0, :, 0], range(300))
-    assert "times were moved by up to 0.000999 s to even steps of 1 s (option dt)" in warnings
+    assert "times were moved by up to 0.000999 s to even steps of 1 s, as the option dt states" in warnings
     write(path, text + "300.2,300,2\n")
     message = tokid("info", path, "--dt", "1", status=2).stderr
     assert "line 302, column 't [s]': 300.2 found, which lies more than a tenth of a step beside" in message
@@ -478,9 +478,9 @@ def test_options_of_csv_files_are_refused_for_others(tokid, tmp_path):
     npz = tmp_path / "data.npz"
     tokid("example", "oscillator", "-o", npz, "--experiments", "8", "--steps", "20")
     message = tokid("info", npz, "--trigger", "u1>0", status=2).stderr
-    assert "trigger: only .csv files are read with this option" in message
+    assert "trigger: this option is for .csv files only" in message
     message = tokid("info", npz, npz.parent / "x.csv", status=2).stderr
-    assert "of which each one must be a .csv" in message
+    assert "but several files must all be .csv" in message
 
 
 def test_picture(tokid, plant, tmp_path):
@@ -510,7 +510,7 @@ def test_options_of_ensembles_are_refused_for_other_files(tokid, oscillator, tmp
 
 def test_the_first_missing_word_is_named(tokid, tmp_path):
     path = write(tmp_path / "data.csv", "t [s],u,y\n0,Fault,2\n1,Bad,2\n2,1,2\n")
-    assert "2 cells with 'Bad', 'Fault' were read as missing samples; the first one is at line 2" in read(
+    assert "2 cells with 'Bad', 'Fault' were read as missing samples. The first one is at line 2" in read(
         tokid, tmp_path, path)[1]
 
 
@@ -521,8 +521,8 @@ def test_ends_without_a_line_break_are_one_warning(tokid, tmp_path):
         write(folder / f"{n}.csv", f"t [s],u,y\n0,1,2\n1,2,{n}")
     warnings = read(tokid, tmp_path, folder)[1]
     assert warnings.count("line break") == 3 and warnings.count("warning: ") == 1
-    assert "'0.csv': line 3, the last one, ends without" in warnings
-    assert "; 3 more files end without a line break, too" in warnings
+    assert "'0.csv': the last line 3 ends without" in warnings
+    assert "; 3 more files end without a line break" in warnings
 
 
 def test_one_file_by_two_names_and_subfolders(tokid, tmp_path):
@@ -533,7 +533,7 @@ def test_one_file_by_two_names_and_subfolders(tokid, tmp_path):
     (folder / "c.csv").symlink_to(folder / "a.csv")
     data, warnings = read(tokid, tmp_path, folder)
     assert data["u"].shape[0] == 1
-    assert f"'{folder / 'a.csv'}' and '{folder / 'c.csv'}' are the same file, which was read once" in warnings
+    assert f"'{folder / 'a.csv'}' and '{folder / 'c.csv'}' are the same file, which was read only once" in warnings
     assert f"the folder '{folder}' has .csv files in the subfolder 'more', which were not read" in warnings
 
 

@@ -75,8 +75,8 @@ def test_experiments_of_another_system_are_told(tokid, noisy):
     told = tokid("update", noisy / "other.h5", noisy / "later.npz").stderr.splitlines()
     assert len(told) == values["y"].shape[2]
     for j, line in enumerate(told, 1):
-        assert line.startswith(f"tokid: warning: new experiments with the old model: output y{j} is simulated worse")
-        assert line.endswith("Check that the new experiments are from the same system, with the same channels")
+        assert line.startswith(f"tokid: warning: test of the old model on the new experiments: the simulation of output y{j} is worse")
+        assert line.endswith("Check that the new experiments are runs of the same system with the same channels")
 
 
 @pytest.mark.parametrize("value", [0.0, 3.0])
@@ -86,7 +86,7 @@ def test_an_output_that_rests_in_new_experiments_is_told(tokid, noisy, value):
     values["y"][:, :, 1] = value
     np.savez(noisy / "later.npz", **values)
     told = tokid.json("update", noisy / "state.h5", noisy / "later.npz")["warnings"]
-    assert any("new experiments with the old model: output y2 is constant in the new experiments" in text for text in told)
+    assert any("test of the old model on the new experiments: output y2 is constant in the new experiments" in text for text in told)
 
 
 def test_several_files_are_added_one_by_one(tokid, campaign):
@@ -130,7 +130,7 @@ def test_refusals_leave_the_state_as_it_was(tokid, campaign):
     for arguments, reason in [
         ([state, campaign / "short.npz"], "steps: 50 found, 80 needed"),
         ([state, campaign / "later.npz", "-o", campaign / "none" / "m.npz"], "does not exist"),
-        ([campaign / "model.npz", campaign / "later.npz"], "an update state that identify --state writes"),
+        ([campaign / "model.npz", campaign / "later.npz"], "a state file that identify --state writes"),
         ([campaign / "later.npz", campaign / "later.npz"], "Use another name"),
         ([campaign / "none.h5", campaign / "later.npz"], "none.h5"),
         ([campaign / "none.h5", campaign / "later.npz", campaign / "neither.npz"], "neither.npz: no such file"),
@@ -160,7 +160,7 @@ def test_experiments_of_the_state_are_not_added_again(tokid, campaign):
     assert (told["experiments"], told["new_experiments"]) == (60, 20)
     assert told["known_experiments"] == [list(range(20))] and plain["known_experiments"] == [[]]
     assert told["warnings"] == [
-        f"{campaign / 'today.npz'}: 20 of 40 experiments are in the update state already: 0–19. They are not added again"]
+        f"{campaign / 'today.npz'}: 20 of 40 experiments are in the state file already: 0–19. These experiments are not added again"]
     for name in "simulation_fit", "one_step_fit", "states", "condition_max":
         assert told[name] == plain[name], name
     one, other = np.load(campaign / "model.npz"), np.load(campaign / "plain.npz")
@@ -181,7 +181,7 @@ def test_files_that_add_nothing_leave_the_state_as_it_is(tokid, campaign):
     model.unlink()
     again = tokid("update", state, campaign / "later.npz", "-o", model)
     assert again.stderr.splitlines() == [
-        f"tokid: warning: {campaign / 'later.npz'}: all 20 experiments are in the update state already. Nothing is added"]
+        f"tokid: warning: {campaign / 'later.npz'}: all 20 experiments are in the state file already. Nothing is added"]
     assert "60, 0 of them new" in again.stdout and "Fit" not in again.stdout
     assert state.read_bytes() == before and model.read_bytes() == content
     told = tokid.json("update", state, campaign / "first.npz", campaign / "tuesday.npz")
@@ -229,7 +229,7 @@ def test_states_of_earlier_versions_say_that_they_cannot_tell(tokid, campaign):
     del values["experiment_digests"], values["without_digest"]
     np.savez(state, **values)
     said = tokid("update", state, campaign / "first.npz").stderr  # a whole file is known by its fingerprint
-    assert said.count("\n") == 1 and "all 40 experiments are in the update state already. Nothing is added" in said
+    assert said.count("\n") == 1 and "all 40 experiments are in the state file already. Nothing is added" in said
     for name, new in ("tuesday", 12), ("later", 8), ("wednesday", 0):
         told = tokid.json("update", state, campaign / f"{name}.npz")
         assert told["new_experiments"] == new

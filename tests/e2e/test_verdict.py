@@ -35,7 +35,7 @@ class Bench:
             np.savez(path, **plants.model(model, *self.noise))
             model = path
         text = self.tokid("report", model, data or self.fresh, "-o", page or self.folder / "page.html").stdout
-        horizon = re.search(r"Evaluated by predictions (\d+) step", text)
+        horizon = re.search(r"The model is evaluated by predictions (\d+) step", text)
         return re.search(r"Verdict +(.*)", text).group(1), text, int(horizon.group(1)) if horizon else 0
 
     def identified(self, *options, seed=11, count=120, **more):
@@ -104,7 +104,7 @@ def test_other_noise_and_numbers(tokid, tmp_path, kind, measurement, process, se
 def test_page_and_text_say_by_what_a_model_is_judged(tokid, tmp_path):
     bench = Bench(tokid, tmp_path, "quadrotor")
     _, text, horizon = bench.of(bench.plant)
-    assert "would spoil the simulation of an exact model too" in text
+    assert "would make even the simulation of an exact model bad" in text
     page = (tmp_path / "page.html").read_text(encoding="utf-8")
     assert f"Deciding: {horizon} steps ahead" in page
     assert f"The model is evaluated by predictions {horizon} steps ahead" in page

@@ -15,7 +15,7 @@ std::optional<std::string> remark_on_unused(const Names& columns);
 
 // The remark on a table in which no column states the steps of the rows.
 inline constexpr std::string_view rows_as_steps =
-    "no column of times or step numbers found: the rows of an experiment were taken as successive steps; name a column "
-    "of times 'time', one of step numbers 'k'";
+    "no column of times or step numbers found: the rows of an experiment were taken as successive steps. Name a column "
+    "of times 'time', or a column of step numbers 'k'";
 
 }  // namespace tokid::io

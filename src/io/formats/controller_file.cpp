@@ -218,7 +218,7 @@ Controller load_controller(const std::filesystem::path& path) {
       fail("{} found, a controller of tokid lqr ('controller_gain') needed",
            is_model(fields.names())          ? "a model"
            : is_ensemble(fields.names())     ? "an ensemble"
-           : is_update_state(fields.names()) ? "an update state"
+           : is_update_state(fields.names()) ? "a state file"
                                              : "another file");
     controller = controller_of(fields);
   });

@@ -116,7 +116,7 @@ class Remarks {
 std::string remark_on_ends(const std::vector<std::pair<std::string, std::string>>& cut) {
   const std::string first = fmt::format("'{}': {}", cut.front().first, cut.front().second);
   if (cut.size() == 1) return first;
-  return fmt::format("{}; {} more {} without a line break, too", first, cut.size() - 1,
+  return fmt::format("{}; {} more {} without a line break", first, cut.size() - 1,
                      cut.size() == 2 ? "file ends" : "files end");
 }
 
@@ -204,7 +204,7 @@ Ensemble read_csv(const std::vector<std::filesystem::path>& paths, const ReadOpt
       if (i > 0) check_same(first.file, all, table);
       if (table.stamped && options.trigger.empty())
         table.remarks.emplace_back(
-            "time stamps count from the first row of the file; --trigger aligns them by an event");
+            "the time stamps count from the first row of each file. Use --trigger if an event aligns the files");
       name_experiments(paths[i], labels[i], table);
       remarks.add(file, table.remarks);
       if (table.cut) cut.emplace_back(file, *table.cut);

@@ -76,8 +76,8 @@ class RecordReader {
       if (times.remark) records_.remarks.push_back(*std::move(times.remark));
       if (has_short_clock_)
         records_.remarks.push_back(fmt::format(
-            "column '{0}': times such as 05:10 were read as hours and minutes; for minutes and seconds, name "
-            "it '{0} [mm:ss]'",
+            "column '{0}': times such as 05:10 were read as hours and minutes. If they are minutes and seconds, "
+            "name the column '{0} [mm:ss]'",
             header_[*chosen_.time].title));
     }
     return std::move(records_);
@@ -174,16 +174,15 @@ class RecordReader {
 // A file without a final line break may be complete. But a file that was cut within its last number looks the same.
 std::string remark_on_end(const Row& row, const Header& header) {
   return fmt::format(
-      "line {}, the last one, ends without a line break: its {} = '{}' may have been cut; check whether "
+      "the last line {} ends without a line break, so its last value {} = '{}' may have been cut. Check whether "
       "the file is complete, and end it with a line break",
       row.line, header.columns().back().title, words::quoted(row.cells.back()));
 }
 
 std::string remark_on_change(const std::filesystem::path& path) {
   return fmt::format(
-      "'{}' does not match its line '# checksum = …', so it was changed after tokid wrote it: remove that line if "
-      "you changed the "
-      "file by hand; otherwise the file is damaged",
+      "'{}' does not match its line '# checksum = …', so the file was changed after tokid wrote it. Remove this line if "
+      "you changed the file by hand. Otherwise the file is damaged",
       path.string());
 }
 
@@ -243,7 +242,7 @@ Table read_table(const std::filesystem::path& path, const ReadOptions& options, 
     if (one) table.remarks.push_back(*std::move(one));
   };
   if (const auto line = text.latin_line())
-    remark(fmt::format("line {} is not UTF-8; such lines were read as Latin-1 (Windows-1252)", *line));
+    remark(fmt::format("line {} is not UTF-8 text. Such lines were read as Latin-1 (Windows-1252)", *line));
   std::vector<size_t> also_read;
   if (!options.trigger.empty()) also_read.push_back(header.need(Trigger(options.trigger).column));
   remark(remark_on_unused_columns(header, chosen, also_read));

@@ -106,7 +106,8 @@ FileKind file_kind(const fs::path& path) {
     if (io::is_model(found)) return FileKind::model;
     if (io::is_ensemble(found)) return FileKind::ensemble;
     if (io::is_update_state(found))
-      fail("an update state of identify --state found, an ensemble or a model needed; only tokid update reads a state");
+      fail(
+          "a state file of identify --state found, an ensemble or a model needed; only tokid update reads state files");
     if (io::is_controller(found)) return FileKind::controller;
     fail("neither an ensemble ('u', 'y') nor a model ('A', 'state_dim') found among {}", io::quoted(found));
   });
@@ -125,7 +126,7 @@ void check_no_csv_options(const ReadOptions& options) {
   if (!options.inputs.empty() || !options.outputs.empty())
     fail("columns can be chosen in .csv files only; here 'u' are the inputs and 'y' the outputs");
   const auto refuse = [](bool stated, const char* name) {
-    if (stated) fail("{}: only .csv files are read with this option; leave it out, or convert the data to .csv", name);
+    if (stated) fail("{}: this option is for .csv files only; leave it out, or convert the data to .csv", name);
   };
   refuse(!options.time.empty(), "time");
   refuse(!options.missing.empty(), "missing");
@@ -162,7 +163,7 @@ void keep_once(std::vector<fs::path>& files, io::Names& remarks) {
       kept.push_back(std::move(file));
     else if (at->second != file)
       remarks.push_back(
-          fmt::format("'{}' and '{}' are the same file, which was read once", at->second.string(), file.string()));
+          fmt::format("'{}' and '{}' are the same file, which was read only once", at->second.string(), file.string()));
   }
   files = std::move(kept);
 }
@@ -171,9 +172,9 @@ io::Names remarks_on_subfolders(const std::vector<fs::path>& paths) {
   io::Names remarks;
   for (const fs::path& path : paths)
     if (const io::Names skipped = io::subfolders_with_csv(path); !skipped.empty())
-      remarks.push_back(
-          fmt::format("the folder '{}' has .csv files in {} {}, which were not read; name these folders, too",
-                      path.string(), skipped.size() == 1 ? "the subfolder" : "the subfolders", io::quoted(skipped)));
+      remarks.push_back(fmt::format(
+          "the folder '{}' has .csv files in {} {}, which were not read. To read them, name these folders, too",
+          path.string(), skipped.size() == 1 ? "the subfolder" : "the subfolders", io::quoted(skipped)));
   return remarks;
 }
 
@@ -203,7 +204,7 @@ Ensemble load_ensemble(const std::vector<fs::path>& paths, const ReadOptions& op
   for (const fs::path& file : files)
     naming(file, [&] {
       if (files.size() > 1 && format_of(file) != Format::csv)
-        fail("{} files found, from '{}' to '{}', of which each one must be a .csv", files.size(),
+        fail("{} files found, from '{}' to '{}', but several files must all be .csv", files.size(),
              files.front().string(), files.back().string());
       check_readable(file);
       return 0;

@@ -188,23 +188,25 @@ std::string effect_on_noise(ResampleMethod method, double dt, double usual, doub
   const double samples = dt / usual;
   switch (method) {
     case ResampleMethod::linear:
-      return samples < 1.5 ? "interpolation correlates the noise of neighbouring steps and lowers it between two "
-                             "samples, so bounds and tests of whiteness are too optimistic"
+      return samples < 1.5 ? "interpolation makes the noise of neighbouring steps correlated, and smaller between two "
+                             "samples. Bounds and tests of whiteness are therefore too optimistic"
                            : fmt::format(
-                                 "interpolation uses two of about {:.0f} samples in each step, and frequencies "
-                                 "above {:.4g} Hz appear as lower ones; the method mean averages them",
+                                 "interpolation uses only two of about {:.0f} samples in each step, so frequencies "
+                                 "above {:.4g} Hz appear as lower frequencies (aliasing). Use the method mean, which "
+                                 "averages the samples",
                                  samples, 0.5 / dt);
     case ResampleMethod::mean:
-      return samples < 1.5 ? "most averages are of one sample or none: a longer sample time or another method is better"
-                           : fmt::format(
-                                 "averages of about {:.0f} samples have {:.2g} of the standard deviation of the "
-                                 "noise, and fast motion is averaged too",
-                                 samples, 1.0 / std::sqrt(samples));
+      return samples < 1.5
+                 ? "most averages contain one sample or none. A longer sample time or another method is better"
+                 : fmt::format(
+                       "averages of about {:.0f} samples reduce the standard deviation of the noise to {:.2g} of "
+                       "its value, and also average fast motion of the system",
+                       samples, 1.0 / std::sqrt(samples));
     default:
       return fmt::format("samples are up to {:.4g} s old{}", oldest,
                          samples < 1.0
-                             ? " and repeated, so their noise is the same in neighbouring steps, and tests of "
-                               "whiteness are too optimistic"
+                             ? " and repeated, so neighbouring steps have the same noise, and tests of whiteness are "
+                               "too optimistic"
                              : "");
   }
 }
@@ -230,7 +232,7 @@ void move_to_grid(const TimeColumn& rows, double dt, Steps& steps) {
   const auto [first, last] = std::minmax_element(rows.time.begin(), rows.time.end());
   const double rounding = rows.precision.unit(std::max(std::abs(*first), std::abs(*last)));
   if (moved.largest > std::max(unnoticed * moved.grid.dt, rounding))
-    steps.remark = fmt::format("times were moved by up to {:.3g} s to even steps of {} s (option dt)",
+    steps.remark = fmt::format("times were moved by up to {:.3g} s to even steps of {} s, as the option dt states",
                                rows.unit.in_seconds(moved.largest), dt);
 }
 
@@ -240,7 +242,9 @@ Steps steps_of(const Records& records, const Assembly& choice) {
     fail("dt: {} found, a positive time in seconds needed", *choice.dt);
   // Step numbers that continue from one experiment to the next probably count rows. Only a column named "k" is trusted.
   if (!records.doubt.empty())
-    check_common_steps(records.rows, "step numbers from the begin of each experiment on needed, or the name 'k'");
+    check_common_steps(
+        records.rows,
+        "step numbers that count from the begin of each experiment needed, or the name 'k' for this column");
   Steps result;
   if (records.source == StepSource::times && choice.moved && choice.dt)
     move_to_grid(records.rows, *choice.dt, result);
@@ -253,10 +257,11 @@ Steps steps_of(const Records& records, const Assembly& choice) {
   const double channels = double(records.channels());
   const double samples = steps * double(experiments) * channels;
   if (!(samples <= 1e6 + 1000 * rows * channels))
-    fail("{} experiments of {} steps found in only {} rows, fewer missing rows needed; check the times or step numbers",
-         experiments, steps, rows);
+    fail(
+        "{} experiments of {} steps found in only {} rows, so most rows would be missing. Check the times or step numbers",
+        experiments, steps, rows);
   if (!(samples * sizeof(double) <= double(memory_limit())))
-    fail("{} experiments of {} steps with {} channels found, which take {} bytes of memory; this machine has {}",
+    fail("{} experiments of {} steps with {} channels found, which need {} bytes of memory, but this machine has {}",
          experiments, steps, channels, samples * sizeof(double), memory_limit());
   result.count = Index(steps);
   return result;
@@ -291,7 +296,7 @@ std::optional<std::string> remark_on_empty_steps(const Records& records, const S
   for (const double number : records.rows.time) common = std::gcd(common, std::int64_t(steps.grid.step(number)));
   if (common < 2) return std::nullopt;
   return fmt::format(
-      "column '{0}': all step numbers are {1} or multiples of it apart, so the {2} steps between count as missing; divide "
+      "column '{0}': all step numbers are {1} or multiples of {1} apart, so the {2} steps between count as missing. Divide "
       "the numbers by {1} where no step is missing",
       records.rows.name, common, common - 1);
 }
@@ -325,19 +330,22 @@ void begin_together(Records& records) {
   const double apart = spans.latest_begin() - spans.earliest_begin();
   if (!(apart > 0)) return;
   constexpr double most = 0.5;  // of the shortest experiment
-  constexpr auto trigger = "--trigger aligns them by an event";
+  constexpr auto trigger = "Use --trigger if an event aligns them";
   const bool timed = records.source == StepSource::times;
   if (spans.common() >= most * spans.shortest()) {
     records.remarks.push_back(fmt::format(
-        "the {} of the experiments were read as those of one clock: the experiments begin up to {:.6g}{} apart; {}",
+        "the {} of all experiments were read as readings of one clock, on which the experiments begin up to {:.6g}{} "
+        "apart. {}",
         timed ? "times" : "step numbers", timed ? rows.unit.in_seconds(apart) : apart, timed ? " s" : " steps",
         trigger));
     return;
   }
   move_times(spans.first, rows);
-  records.remarks.push_back(fmt::format("the experiments have {} in common, so each one begins at its first row; {}",
-                                        spans.common() < 0 ? "no time" : "less than half of the shortest one",
-                                        trigger));
+  records.remarks.push_back(
+      fmt::format("the {} of the experiments have {} in common, so tokid lets each experiment begin at its first row. "
+                  "{}",
+                  timed ? "times" : "step numbers",
+                  spans.common() < 0 ? "nothing" : "less than half of the shortest experiment", trigger));
 }
 
 void align(const std::string& trigger, Records& records) {
@@ -352,21 +360,24 @@ void align(const std::string& trigger, Records& records) {
     if (onsets[n].from_first_row) (onsets[n].change ? again : begun).push_back(rows.experiments[n]);
   }
   if (without.size() == onsets.size())
-    fail("trigger '{}': it holds at no row of any experiment; a condition that holds somewhere needed", trigger);
+    fail("trigger '{}': it holds at no row of any experiment, a condition that holds somewhere needed", trigger);
   std::vector<double> begin;
   for (const Onset& onset : onsets) begin.push_back(onset.time().value_or(0.0));
   move_times(begin, rows);
   records.event.clear();
   if (!without.empty()) keep(kept, records);
   const auto remark = [&](const Names& names, const std::string& what) {
-    if (!names.empty()) records.remarks.push_back(fmt::format("trigger '{}': it {}", trigger, what));
+    if (!names.empty()) records.remarks.push_back(fmt::format("trigger '{}': this condition {}", trigger, what));
   };
-  remark(without, fmt::format("never holds in {}, which {} dropped", experiments_named(without),
-                              without.size() == 1 ? "was" : "were"));
-  remark(begun, fmt::format("already holds at the first row of {}, so the event may be earlier; that row became step 0",
-                            experiments_named(begun)));
-  remark(again, fmt::format("already holds at the first row of {}; step 0 is where it begins to hold again",
-                            experiments_named(again)));
+  remark(without, fmt::format("never holds in {}, so {} dropped", experiments_named(without),
+                              without.size() == 1 ? "this experiment was" : "these experiments were"));
+  remark(begun,
+         fmt::format("already holds at the first row of {}, so the event may be earlier. The first row became step 0",
+                     experiments_named(begun)));
+  remark(
+      again,
+      fmt::format("already holds at the first row of {}. Step 0 is the row at which the condition begins to hold again",
+                  experiments_named(again)));
 }
 
 namespace {
@@ -422,17 +433,17 @@ FilledCount add_resampled(const Records& records, Index n, const std::vector<siz
 std::string remark_on_resampling(const Resampling& choice, const TimeUnit& unit, double usual, double longest,
                                  const FilledCount& count) {
   std::string remark =
-      fmt::format("resampled from about {:.4g} s to {} s by the method {}: {}", unit.in_seconds(usual), choice.dt,
-                  name_of(choice.method),
+      fmt::format("the samples were resampled from about {:.4g} s to {} s by the method {}: {}", unit.in_seconds(usual),
+                  choice.dt, name_of(choice.method),
                   effect_on_noise(choice.method, choice.dt, usual > 0 ? unit.in_seconds(usual) : choice.dt,
                                   unit.in_seconds(count.oldest)));
   const auto stay = [](Index samples) { return samples == 1 ? "sample stays" : "samples stay"; };
   if (count.in_gaps > 0)
     remark +=
-        fmt::format("; {} {} missing, because the gap there is longer than {:.4g} s", count.in_gaps,
-                    stay(count.in_gaps), choice.method == ResampleMethod::mean ? choice.dt : unit.in_seconds(longest));
+        fmt::format(". {} {} missing, because their gap is longer than {:.4g} s", count.in_gaps, stay(count.in_gaps),
+                    choice.method == ResampleMethod::mean ? choice.dt : unit.in_seconds(longest));
   if (count.outside > 0)
-    remark += fmt::format("; {} {} missing before the first or after the last sample of the channel", count.outside,
+    remark += fmt::format(". {} {} missing before the first or after the last sample of the channel", count.outside,
                           stay(count.outside));
   return remark;
 }

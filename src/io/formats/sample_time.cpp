@@ -87,20 +87,20 @@ std::optional<double> in_ts(const Names& names, const Read& read) {
 std::optional<std::string> contradiction(double dt, const Names& names, const Read& read) {
   const auto ts = in_ts(names, read);
   if (!ts || std::abs(*ts - dt) <= rounded * dt) return std::nullopt;
-  return fmt::format("'dt' = {} and 'Ts' = {} found, which differ: 'dt' is used", dt, *ts);
+  return fmt::format("'dt' = {} and 'Ts' = {} differ. tokid uses 'dt'", dt, *ts);
 }
 
 SampleTime sample_time(const Names& names, Index steps, const Read& read) {
   const auto ts = in_ts(names, read), times = in_times(names, steps, read);
   SampleTime result{ts ? ts : times, {}};
   if (ts && times && std::abs(*ts - *times) > rounded * *ts)
-    result.remark = fmt::format("'Ts' = {} and times with steps of {} found, which differ: 'Ts' is used", *ts, *times);
+    result.remark = fmt::format("'Ts' = {} and the steps of {} between the times differ. tokid uses 'Ts'", *ts, *times);
   Names unused;
   std::copy_if(names.begin(), names.end(), std::back_inserter(unused), is_about_time);
   if (!result.dt && !unused.empty())
     result.remark = fmt::format(
-        "{} {} not used: the sample time is 'dt' or 'Ts', one number, or 't' or 'time' with the {} even times of all "
-        "steps, in seconds",
+        "{} {} not used, because a sample time needs the name 'dt' or 'Ts' and one number. Times need the name 't' or "
+        "'time' and {} evenly spaced values in seconds, one for each step",
         quoted(unused), unused.size() == 1 ? "is" : "are", steps);
   return result;
 }

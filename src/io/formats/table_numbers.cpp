@@ -28,7 +28,7 @@ std::string remark_on_guesses(const Guesses& guesses) {
   const auto first = std::min_element(guesses.begin(), guesses.end(), [](const auto& a, const auto& b) {
     return std::pair(a.second.file, a.second.line) < std::pair(b.second.file, b.second.line);
   });
-  return fmt::format("{} with {} {}; the first one is at {}", words::plural(cells, "cell"), quoted(words),
+  return fmt::format("{} with {} {}. The first one is at {}", words::plural(cells, "cell"), quoted(words),
                      cells == 1 ? "was read as a missing sample" : "were read as missing samples", first->second.first);
 }
 
@@ -77,7 +77,7 @@ std::optional<std::string> NumberReader::remark_on_marks(char separator) const {
   if (mark_ == '\0' || (mark_ == '.' && (separator == ',' || !only_thousands_))) return std::nullopt;
   if (mark_ == ',' && separator == ',' && only_thousands_)
     fail(
-        "line {}: '{}' found; its comma and those of all numbers may group thousands or be decimal commas; numbers "
+        "line {}: '{}' found; its comma and the commas of all numbers may group thousands or be decimal commas; numbers "
         "without marks of thousands and with a decimal point needed",
         mark_line_, words::quoted(mark_cell_));
   const auto mixed = std::find_if(marked_.begin(), marked_.end(),
@@ -89,14 +89,15 @@ std::optional<std::string> NumberReader::remark_on_marks(char separator) const {
         mark_line_, words::quoted(mark_cell_), *mixed);
   const char* name = mark_ == ',' ? "comma" : "point";
   return only_thousands_
-             ? fmt::format("{0}s in numbers were read as decimal {0}s: 1{1}000 is 1; write thousands without {0}s",
-                           name, mark_)
-             : fmt::format("{0}s in numbers were read as decimal {0}s: 1{1}5 is 1.5", name, mark_);
+             ? fmt::format(
+                   "{0}s in numbers were read as decimal {0}s, so 1{1}000 is 1. If they group thousands, remove the {0}s",
+                   name, mark_)
+             : fmt::format("{0}s in numbers were read as decimal {0}s, so 1{1}5 is 1.5", name, mark_);
 }
 
 std::optional<std::string> NumberReader::remark_on_switches() const {
   if (!has_switches_) return std::nullopt;
-  return "cells with on and true were read as 1, those with off and false as 0";
+  return "cells with on and true were read as 1, and cells with off and false as 0";
 }
 
 std::string NumberReader::with_point(std::string text) const {

@@ -127,8 +127,8 @@ TableStart table_start(TableText& text, const ReadOptions& options) {
     titles = header->cells;
     start.header_line = line, start.last_line = header->line;
     if (line > first)
-      start.remarks.push_back(fmt::format("{} before the names of the columns in line {} {} skipped",
-                                          line_range(first, line - 1), line, line - 1 > first ? "were" : "was"));
+      start.remarks.push_back(fmt::format("{} {} skipped, because the names of the columns are in line {}",
+                                          line_range(first, line - 1), line - 1 > first ? "were" : "was", line));
   }
   if (dialect.has_units_row)
     if (const std::optional<Row> row = text.next(dialect.separator)) {

@@ -304,9 +304,10 @@ std::optional<double> even_spacing(const std::vector<double>& times) {
 
 Grid time_grid(const TimeColumn& rows, std::optional<double> stated) {
   if (!stated)
-    check_common_steps(rows,
-                       "times from the begin of each experiment on needed, or a line '# dt = …' above the header where "
-                       "samples are missing");
+    check_common_steps(
+        rows,
+        "times that count from the begin of each experiment needed, or a line '# dt = …' above the header where "
+        "samples are missing");
   Fit fit = in_order(rows);
   const double largest = std::max({std::abs(fit.time.front()), std::abs(fit.time.back()), rows.largest});
   const double resolution = 4 * epsilon * largest, rounding = rows.precision.unit(largest) + resolution;

@@ -250,26 +250,28 @@ std::optional<std::string> settle(const std::vector<Index>& lines, const Names& 
   const Order order = order_of(stamps);
   const auto at = [&](size_t i) { return fmt::format("line {}, '{}'", lines[i], words::quoted(texts[i])); };
   if (order.day_is_first && order.month_is_first)
-    fail("{}: the first number can only be the day, but in {} only the month; one order of day and month needed",
-         at(*order.day_is_first), at(*order.month_is_first));
+    fail(
+        "{}: the first number can only be the day, but in {} it can only be the month; one order of day and month needed",
+        at(*order.day_is_first), at(*order.month_is_first));
   const std::optional<size_t> shown = order.day_is_first ? order.day_is_first : order.month_is_first;
   const bool all_same =
       std::all_of(stamps.begin(), stamps.end(), [&](const Stamp& s) { return is_same_date(s, *any); });
   if (!shown && stated == DateOrder::automatic && !all_same)
     fail(
-        "{}: day/month or month/day, which no date of the column shows; one of the two needed: --dates day-first or "
-        "--dates month-first",
+        "{}: this may be day/month or month/day, and no date of the column shows which of them; --dates day-first or "
+        "--dates month-first needed",
         at(size_t(any - stamps.begin())));
   const bool day_first =
       stated == DateOrder::automatic ? order.day_is_first.has_value() : stated == DateOrder::day_first;
   if (shown && day_first != order.day_is_first.has_value())
-    fail("{}: found where {} is stated; the other order needed", at(*shown), day_first ? "day/month" : "month/day");
+    fail("{} found, but {} is stated; a date in the stated order needed", at(*shown),
+         day_first ? "day/month" : "month/day");
   for (Stamp& stamp : stamps) {
     if (stamp.open && day_first) std::swap(stamp.first, stamp.second);
     stamp.open = false;
   }
   if (!shown || stated != DateOrder::automatic) return std::nullopt;
-  return fmt::format("dates were read as {}, as '{}' in line {} shows", day_first ? "day/month" : "month/day",
+  return fmt::format("dates were read as {}, because of '{}' in line {}", day_first ? "day/month" : "month/day",
                      words::quoted(texts[*shown]), lines[*shown]);
 }
 
@@ -333,7 +335,7 @@ struct Midnights {
 void check_midnight(const StampColumn& column, size_t i) {
   const auto& stamps = column.stamps;
   if (std::any_of(stamps.begin(), stamps.end(), [](const Stamp& s) { return s.hours >= 24; }))
-    fail_without_dates(column, i, "hours of more than a day have no midnight");
+    fail_without_dates(column, i, "24 or more hours are no time of day");
   const auto may_be_half = [](const Stamp& s) { return !s.has_half && s.hours >= 1 && s.hours <= 12; };
   if (std::all_of(stamps.begin(), stamps.end(), may_be_half))
     fail_without_dates(column, i, "without AM and PM, this may be noon or midnight");
@@ -363,9 +365,10 @@ Midnights midnights_of(const StampColumn& column) {
 std::optional<std::string> remark_on_midnights(const StampColumn& column, const Midnights& midnights) {
   if (!midnights.first) return std::nullopt;
   if (midnights.doubtful)
-    return fmt::format("{} after '{}' was read as the time of another day; state dates if this is wrong",
-                       column.at(*midnights.doubtful), words::quoted(column.texts[*midnights.doubtful - 1]));
-  return "the times of day pass midnight; the rows on its other side were read as those of another day";
+    return fmt::format(
+        "{} after '{}' was read as a time of another day. If this is wrong, write dates beside the times of day",
+        column.at(*midnights.doubtful), words::quoted(column.texts[*midnights.doubtful - 1]));
+  return "the times of day pass midnight. The rows on the other side of midnight were read as rows of another day";
 }
 
 }  // namespace
