@@ -311,6 +311,24 @@ TEST(Modes, KeepTheirColumnsWhereFrequenciesCross) {
     }
 }
 
+// Both poles of a conjugate pair are one mode, also where the poles of another window are hard to match.
+TEST(Modes, OfAConjugatePairAreValidTogether) {
+  Index pairs = 0;
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    const Modes found = modes(random_system({6, 2, 1}, 60, 0.98, seed));
+    for (Index k = 0; k < found.steps(); ++k)
+      for (Index i = 0; i < found.count(); ++i)
+        for (Index j = i + 1; j < found.count(); ++j) {
+          if (found.poles(k, i).imag() == 0 || found.poles(k, j) != std::conj(found.poles(k, i))) continue;
+          ++pairs;
+          EXPECT_EQ(found.valid(k, i), found.valid(k, j)) << seed << ' ' << k;
+          if (!std::isnan(found.window_change(k, i)))
+            EXPECT_EQ(found.window_change(k, i), found.window_change(k, j)) << seed << ' ' << k;
+        }
+  }
+  EXPECT_GT(pairs, 1000);
+}
+
 // One output shows no shapes: only the course of the poles tells two modes apart.
 TEST(Modes, AreFollowedByTheCourseOfTheirPoles) {
   Random random(45);

@@ -90,6 +90,8 @@ struct Finding {
     output_same,                   // channels, steps: the same in every experiment
     output_stuck,                  // channels, experiments, steps; numbers: value
     more_stuck_outputs,            // channels; numbers: count
+    experiments_end_early,         // experiments; steps: from which all channels of each experiment are constant
+    angle_wraps,                   // channels, experiments, steps: the first jump; numbers: turn, count
     experiments_copied,            // experiments, groups: the original of each copy; numbers: experiments
     experiments_dependent,         // experiments, groups: the terms of each sum; numbers: experiments
     inputs_repeated,               // numbers: experiments, courses, needed, lags
@@ -121,6 +123,7 @@ struct Finding {
     no_states,
     states_below_asked,       // numbers: asked, found
     states_hidden,            // steps; numbers: states
+    gains_grow,               // steps; numbers: ratio of the largest norm of K_k to the median
     late_begin,               // numbers: step
     frame_limits,             // numbers: step, begin, end
     jumps_unused,             // steps

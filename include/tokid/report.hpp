@@ -141,7 +141,8 @@ struct VerdictCheck {
     no_inputs,
     few_input_samples,
     no_ranks,
-    no_probability,  // too few samples for a probability
+    no_probability,    // too few samples for a probability
+    dependent_inputs,  // the inputs follow from other samples, which alone could explain the outputs
     innovations
   };
 

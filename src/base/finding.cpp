@@ -191,6 +191,10 @@ std::string misfit_details(const Finding& f) {
 std::string about_samples(const Finding& f) {
   const bool one = f.steps.size() == 1;
   const double weight = number(f, "weight");
+  constexpr size_t many = 10;
+  if (weight == 1 && f.steps.size() >= many && f.steps.back() - f.steps.front() + 1 == Index(f.steps.size()))
+    return "So many successive samples may be right, and this experiment may differ from the others. Look at the "
+           "experiment. Mark the samples as missing only if they are faulty";
   if (weight == 1)
     return fmt::format("If {} faulty, mark {} as missing, because faulty samples make the model worse",
                        one ? "this sample is" : "these samples are", one ? "it" : "them");
@@ -375,6 +379,27 @@ constexpr Entry table[] = {
        return fmt::format("output {} also stays at one value in {}", channel(f),
                           words::plural(count(f, "count"), "more experiment"));
      }},
+    {Kind::experiments_end_early, "experiments_end_early", warning,
+     [](const Finding& f) {
+       constexpr size_t most = 6;
+       std::vector<std::string> texts;
+       for (size_t i = 0; i < std::min(most, f.experiments.size()); ++i)
+         texts.push_back(fmt::format("{} (from step {} on)", experiment(f.experiments[i]), f.steps[i]));
+       const size_t more = f.experiments.size() - texts.size();
+       const std::string named = more == 0 ? words::listed(texts) : fmt::format("{} and {} more", fmt::join(texts, ", "), more);
+       return fmt::format(
+           "all inputs and outputs stay constant to the last step in {} {}. If {} stopped early, replace these samples by NaN, or state the {}",
+           f.experiments.size() == 1 ? "experiment" : "experiments", named,
+           f.experiments.size() == 1 ? "this experiment" : "these experiments",
+           f.experiments.size() == 1 ? "length of the experiment" : "lengths of the experiments");
+     }},
+    {Kind::angle_wraps, "angle_wraps", warning,
+     [](const Finding& f) {
+       return fmt::format(
+           "output {} jumps by a whole turn ({:.4g}) {}, first in experiment {} at step {}. It looks like an angle between two limits. Unwrap the angle, for example by numpy.unwrap",
+           channel(f), number(f, "turn"), count(f, "count") == 1 ? "once" : fmt::format("{} times", count(f, "count")),
+           experiment(f.experiments[0]), f.steps.front());
+     }},
     {Kind::experiments_copied, "experiments_copied", warning,
      [](const Finding& f) {
        return fmt::format(
@@ -552,6 +577,12 @@ constexpr Entry table[] = {
            "the Hankel matrices have a rank below {} at {}: the outputs do not show all states at these steps, or the inputs do not reach all states. The model has fewer states at these steps",
            count(f, "states"), words::step_list(f.steps));
      }},
+    {Kind::gains_grow, "gains_grow", warning,
+     [](const Finding& f) {
+       return fmt::format(
+           "the Kalman gains at {} are up to {} times as large as the median gain. The outputs hardly determine a direction of the state at these steps. Use fewer states, or do not use the observer or a controller there",
+           words::step_list(f.steps), times(number(f, "ratio")));
+     }},
     {Kind::late_begin, "late_begin", note,
      [](const Finding& f) {
        return fmt::format(
@@ -579,7 +610,7 @@ constexpr Entry table[] = {
     {Kind::model_errs_ahead, "model_errs_ahead", warning,
      [](const Finding& f) {
        return fmt::format(
-           "in predictions {} steps ahead, at least {:.0f} % of the error variance comes from errors of the model. Models of different parts of the experiments differ by that much. Use more experiments, and test long predictions and controllers on other data",
+           "in predictions {} steps ahead, up to {:.0f} % of the error variance comes from errors of the model. This is an estimate from the differences between models of different parts of the experiments. Use more experiments, and test long predictions and controllers on other data",
            count(f, "horizon"), 100 * number(f, "share"));
      }},
     {Kind::em_unreliable, "em_unreliable", warning,

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 
+#include "base/integers.hpp"
+#include "base/statistics.hpp"
 #include "data/subjects.hpp"
 
 namespace tokid {
@@ -31,6 +33,28 @@ Findings findings_of_hidden_states(const Model& model, Index origin) {
   }
   if (fewer.empty()) return {};
   return {{.kind = Finding::Kind::states_hidden, .steps = fewer, .numbers = {{"states", double(states)}}}};
+}
+
+Findings findings_of_gains(const Model& model) {
+  // Gains of observable states are closer to their median, unless the noise of the outputs varies as much.
+  constexpr double many_times = 100.0;
+  if (!model.has(&Step::has_K) || model.states() == 0) return {};
+  // Gains are large until the outputs have determined unknown initial states.
+  const Index first = model.full_begin() + 2 * ceil_div(model.states(), model.outputs);
+  std::vector<double> sizes;
+  for (Index k = first; k < model.k_end(); ++k) sizes.push_back(model.at(k).K().norm());
+  if (sizes.empty()) return {};
+  const double usual = statistics::median(sizes);
+  Finding found{.kind = Finding::Kind::gains_grow};
+  double largest = 0.0;
+  for (size_t i = 0; i < sizes.size(); ++i)
+    if (sizes[i] > many_times * usual) {
+      found.steps.push_back(first + Index(i));
+      largest = std::max(largest, sizes[i]);
+    }
+  if (found.steps.empty() || !(usual > 0)) return {};
+  found.numbers = {{"ratio", largest / usual}};
+  return {std::move(found)};
 }
 
 Findings findings_of_fit(const Vector& one_step_fit, const Channels& names) {

@@ -20,6 +20,7 @@
 #include "diagnose/excitation.hpp"
 #include "diagnose/model_states.hpp"
 #include "diagnose/outliers.hpp"
+#include "diagnose/recording.hpp"
 #include "diagnose/regressions.hpp"
 #include "diagnose/repeats.hpp"
 #include "identify/examine.hpp"
@@ -214,6 +215,7 @@ ExperimentFindings experiment_findings(const Ensemble& used, const Measured& mea
                                           : r * (p + 1);
   ExperimentFindings result;
   result.findings = findings_of_repeats(used, needed, p);
+  append(result.findings, findings_of_recording(measured.all));
   StuckOutputs stuck = stuck_outputs(measured.all);
   append(result.findings, std::move(stuck.findings));
   Examined found = examined(used, model, plan, options.execution);
@@ -253,6 +255,7 @@ Findings findings_of_states(const Model& model, const Ensemble& data, const Plan
                                   {"wanted", double(regressed_from)},
                                   {"step", double(model.full_begin())}}});
   append(result, findings_of_begin(model));
+  append(result, findings_of_gains(model));
   return result;
 }
 

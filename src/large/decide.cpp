@@ -18,6 +18,7 @@
 #include "diagnose/excitation.hpp"
 #include "diagnose/model_states.hpp"
 #include "diagnose/outliers.hpp"
+#include "diagnose/recording.hpp"
 #include "identify/identify.hpp"
 #include "large/choices_archive.hpp"
 #include "large/finding_archive.hpp"
@@ -133,6 +134,7 @@ Examined examined(const Part& part, const std::optional<Identification>& found, 
   Examined result;
   const Ensemble& whole = part.whole;
   append(result.findings, findings_of_dependent_outputs(whole, part.begin));
+  append(result.findings, findings_of_recording(whole, part.begin));
   StuckOutputs stuck = stuck_outputs(whole, part.begin);
   result.stuck = std::move(stuck.experiments);
   append(result.findings, std::move(stuck.findings));

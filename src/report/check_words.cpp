@@ -64,6 +64,7 @@ constexpr UntestedWords untested_words[] = {
     {Untested::few_input_samples, "few_input_samples", "too few samples of the inputs"},
     {Untested::no_ranks, "no_ranks", "the model has no ranks"},
     {Untested::no_probability, "no_probability", "too few samples for a probability"},
+    {Untested::dependent_inputs, "dependent_inputs", "the inputs follow from other samples"},
     {Untested::innovations, "innovations", ""}};
 
 const UntestedWords& words_of(Untested reason) {

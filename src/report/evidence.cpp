@@ -9,6 +9,8 @@
 #include "base/nan.hpp"
 #include "base/rounding.hpp"
 #include "base/statistics.hpp"
+#include "data/axes.hpp"
+#include "diagnose/excitation.hpp"
 #include "model/comparison.hpp"
 #include "model/outlying_samples.hpp"
 #include "model/step_fields.hpp"
@@ -110,6 +112,21 @@ void assess_inputs(const Model& model, const Ensemble& data, Evidence& found) {
     found.input_spread[size_t(i)] = least;
     result.push_back(weak);
   }
+}
+
+Findings dependent_inputs(const Model& model, const Ensemble& data, bool noisy) {
+  Findings result = excitation(data, {.lags = std::max<Index>(1, model.states()),
+                                      .period = model.period,
+                                      .centred = model.period == 0 || model.y_nominal.rows() > 0,
+                                      .noisy = noisy,
+                                      .shared = model.period == 0})
+                        .findings;
+  const Index places = model.period > 0 ? model.period : data.steps();
+  std::erase_if(result, [&](const Finding& f) {
+    const bool hides = f.kind == Finding::Kind::inputs_dependent || f.kind == Finding::Kind::input_feedback;
+    return !hides || (model.period != 1 && 2 * Index(f.steps.size()) < places);
+  });
+  return result;
 }
 
 std::vector<Index> constant_outputs(const Ensemble& data) {
@@ -240,7 +257,9 @@ Evidence evidence(const Model& model, const Tested& tested, Comparison compared)
   found.samples = found.identified_from * (model.period > 0 ? std::max<Index>(1, data.steps() / model.period) : 1);
   assess_regressions(model, found);
   assess_inputs(model, data, found);
+  found.dependent_inputs = dependent_inputs(model, data, found.noisy);
   found.differences = differences(model, data);
+  if (auto swapped = swapped_axes(data)) found.differences.push_back(*std::move(swapped));
   found.conclusions = conclusions(compared.validation, found.names);
 
   const Vector spread = output_spread(model, data);

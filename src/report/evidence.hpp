@@ -47,6 +47,7 @@ struct Evidence {
   double condition_limit = 0.0;       // larger condition numbers are ill
   std::vector<Index> ill, deficient;  // ill-conditioned steps k; steps k with a rank below the number of unknowns
   std::vector<WeakInput> weak_inputs;
+  Findings dependent_inputs;  // inputs that follow from other samples at most steps: their effects cannot be told apart
   // (r) the smallest spread of each input over the experiments at a step, relative to its median over the steps. NaN:
   // too few samples, a spread that small by chance, or differences over time count.
   std::vector<double> input_spread;
@@ -61,7 +62,7 @@ struct Evidence {
   std::vector<double> noise_excess;  // (T) one-step error relative to what the model states; NaN if not known
   ExperimentFits fits;               // of the tested experiments (N)
   Findings findings;                 // findings of the options and of the validation, each once
-  Findings differences;              // differences of sample time and names between data and model
+  Findings differences;              // of sample time and names between data and model, or of the order of axes
 
   // Tested experiment n, in the form of words::experiment().
   std::string experiment(Index n) const { return words::experiment(rows[size_t(n)], experiment_names[size_t(n)]); }

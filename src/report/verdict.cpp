@@ -577,6 +577,9 @@ class Assessment {
       else
         against(result, Trust::look_closer, fmt::format("{} ({}): {}.", text, spread(weak), effect));
     }
+    // Predictions under the same dependence can be good, whatever the model says about the effects of the inputs.
+    for (const std::string& text : in_words(found_.dependent_inputs))
+      against(result, Trust::look_closer, capital(text) + ".");
     return result;
   }
 
@@ -601,7 +604,10 @@ class Assessment {
   }
 
   void innovations() {
-    for (Check& check : innovation_checks(found_.conclusions, found_.validation)) add(std::move(check));
+    for (Check& check : innovation_checks(found_.conclusions, found_.validation))
+      add(check.kind == Kind::gains && !found_.dependent_inputs.empty()
+              ? untested(std::move(check), Untested::dependent_inputs)
+              : std::move(check));
   }
 
   const Model& model_;

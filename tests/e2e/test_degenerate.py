@@ -274,6 +274,22 @@ def _(folder, tokid):
     return identify(folder, *wild(change), "--states", 2, "--lags", 2, "--no-refine")
 
 
+@case("an experiment that stopped early, filled with zeros")
+def _(folder, tokid):
+    def change(u, y):
+        u[25:] = y[25:] = 0
+    return identify(folder, *wild(change), "--states", 2, "--lags", 2, "--no-refine")
+
+
+@case("an angle between −π and π")
+def _(folder, tokid):
+    u = gaussian()
+    y = experiments(u, 0.001)
+    y[:, :, 0] *= 1.2 / np.abs(np.diff(y[:, :, 0], axis=1)).max()  # at most a fifth of a turn in a step
+    y[:, :, 0] = (y[:, :, 0] + 3 + np.pi) % (2 * np.pi) - np.pi
+    return identify(folder, u, y, "--states", 2, "--lags", 2, "--no-refine")
+
+
 def csv(folder, times, name="data.csv"):
     """Experiments a, b, … of random samples at these times."""
     rng = np.random.default_rng(4)

@@ -1,0 +1,15 @@
+// Ensemble → faults of its recording that the samples alone show.
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include "tokid/ensemble.hpp"
+#include "tokid/finding.hpp"
+
+namespace tokid {
+
+// Reports experiments whose channels all stay constant to the end, although those of other experiments move: these runs
+// stopped early, and their ends were filled with zeros or with the last value. Also reports outputs that jump by a
+// whole turn, because they are angles between two limits. `origin`: the step of the data at which the ensemble begins.
+Findings findings_of_recording(const Ensemble& ensemble, Index origin = 0);
+
+}  // namespace tokid
