@@ -70,7 +70,7 @@ void add_convert(CLI::App& tool) {
   const auto call = std::make_shared<Call>();
   Command command(tool, "convert", "Convert an ensemble or a model to another format",
                   "tokid convert data.csv data.mat --mat73");
-  command.argument("IN ... OUT", call->paths,
+  command.argument("IN...OUT", call->paths,  // CLI11 from 2.4 on, of Debian 13, refuses a name with spaces
                    "Ensemble or model to read, or many .csv: files, a folder, a pattern; then the file to write, whose "
                    "extension determines the format");
   command.columns(call->read);

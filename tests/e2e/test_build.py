@@ -3,6 +3,7 @@
 
 import json
 import os
+import re
 import subprocess
 
 import pytest
@@ -36,3 +37,11 @@ def test_warnings_are_errors_for_the_check_of_a_submission():
     printed = subprocess.run([ROOT / ".ci" / "run"], env=os.environ | {"MAKEFLAGS": "n"}, stdin=subprocess.DEVNULL,
                              capture_output=True, text=True, check=True).stdout
     assert "-DTOKID_WARNINGS_AS_ERRORS=ON --preset test" in " ".join(printed.replace("\\\n", " ").split())
+
+
+def test_names_of_arguments_have_no_spaces():
+    """CLI11 2.4, of Debian 13, refuses such a name each time the tool starts. CLI11 2.1, of Debian 12, accepts it."""
+    calls = [call for path in sorted((ROOT / "app").rglob("*.cpp"))
+             for call in re.findall(r'\bcommand\.(?:argument|data)\(\s*"([^"]*)"', path.read_text(encoding="utf-8"))]
+    assert len(calls) > 15 and {"MODEL", "IN...OUT"} <= set(calls)
+    assert [name for name in calls if " " in name] == []
