@@ -2,12 +2,16 @@
 """The same data give the same bytes, by the tool and by the package."""
 
 import os
+import subprocess
+import sys
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import tokid
+import tokid.__main__
 
 pytestmark = pytest.mark.filterwarnings("ignore::tokid.TokidWarning")
 
@@ -301,3 +305,64 @@ def test_stream_goes_on_where_it_was_stopped(tool, tmp_path):
     assert same_bytes(tmp_path / "whole.h5", tmp_path / "python.h5")
     assert same_bytes(tmp_path / "whole.h5", tmp_path / "tool.h5")
     assert sorted(os.listdir(tmp_path)) == ["long.h5", "python.h5", "tool.h5", "whole.h5"]
+
+
+@pytest.fixture
+def package(tmp_path):
+    """A package in another place: package(folder) makes folder/tokid, and returns a call of its python -m tokid. It has
+    no more than the module that runs then."""
+
+    def make(folder):
+        (folder / "tokid").mkdir(parents=True)
+        (folder / "tokid" / "__init__.py").touch()
+        (folder / "tokid" / "__main__.py").symlink_to(Path(tokid.__main__.__file__).resolve())
+
+        def call(*words):
+            # Without the packages of this environment, among which another tokid may be installed.
+            return subprocess.run([sys.executable, "-S", "-m", "tokid", *map(str, words)], check=False, text=True,
+                                  capture_output=True, env={**os.environ, "PYTHONPATH": str(folder)}, cwd=tmp_path, timeout=120)
+
+        return call
+
+    return make
+
+
+@pytest.mark.parametrize("folder, program", [
+    ("target", "target/bin/tokid"),  # pip install --target
+    ("build/python", "build/bin/tokid"),  # the build tree
+])
+def test_python_runs_the_tool_of_its_package(package, tmp_path, tool, folder, program):
+    run = package(tmp_path / folder)
+    (tmp_path / program).parent.mkdir(parents=True)
+    (tmp_path / program).symlink_to(os.environ["TOKID"])
+    done = run("--version")
+    assert (done.returncode, done.stdout, done.stderr) == (0, tool("--version"), "")
+    assert run("example", "oscillator", "-o", "a b.npz", "--experiments", 40, "--steps", 30).returncode == 0
+    tool("example", "oscillator", "-o", tmp_path / "c.npz", "--experiments", 40, "--steps", 30)
+    assert same_bytes(tmp_path / "a b.npz", tmp_path / "c.npz")
+    wrong = run("identify", "none.npz", "-o", "model.npz")
+    assert wrong.returncode == 2 and "none.npz" in wrong.stderr  # the exit code of the tool
+
+
+def test_python_runs_the_tool_with_which_the_package_was_linked(package, tmp_path, tool):
+    run = package(tmp_path / "target")
+    (tmp_path / "target/tokid/installed-tool.txt").write_text(os.environ["TOKID"] + "\n")
+    assert run("--version").stdout == tool("--version")
+
+
+def test_python_says_that_the_tool_is_missing(package, tmp_path):
+    done = package(tmp_path / "target")("--version")
+    assert done.returncode == 1 and done.stdout == ""
+    assert f"no command line tool was installed with the package in {tmp_path / 'target' / 'tokid'}." in done.stderr
+    assert "Install the package again, or build the tool from source: make build" in done.stderr
+
+
+def test_the_tool_that_pip_installed_is_found(tmp_path, monkeypatch):
+    """By the list of files of the package, from Python's folder of packages to that of its programs."""
+    site = tmp_path / "lib/python3/site-packages"
+    (site / "tokid-1.2.3.dist-info").mkdir(parents=True)
+    (site / "tokid-1.2.3.dist-info/METADATA").write_text("Metadata-Version: 2.1\nName: tokid\nVersion: 1.2.3\n")
+    (site / "tokid-1.2.3.dist-info/RECORD").write_text("tokid/__init__.py,,\n../../../bin/tokid,,\n")
+    monkeypatch.syspath_prepend(str(site))
+    found = tokid.__main__.places(site / "tokid")[-1]
+    assert found.resolve() == tmp_path / "bin" / "tokid"

@@ -3,6 +3,7 @@
 """pip install of the checkout on a tokid that is installed: try_install.py SOURCE PREFIX DIRECTORY VERSION
 
 A fresh environment in DIRECTORY gets the package, whose extension is linked with the library below PREFIX, and runs it.
+The environment gets no command `tokid` of its own. `python -m tokid` runs the tool below PREFIX, if there is one.
 """
 
 import os
@@ -41,6 +42,11 @@ def main():
                     "--config-settings", "cmake.define.CMAKE_CXX_FLAGS_DEBUG=-O0",
                     "--config-settings", f"build-dir={directory / 'build'}"], check=True, env=environment)
     subprocess.run([python, "-c", TRIAL, prefix, sys.argv[4]], check=True, cwd=directory, env=environment)
+    assert not python.with_name("tokid").exists(), "a second tool beside the one that is installed"
+    if (prefix / "bin" / "tokid").exists():
+        told = subprocess.run([python, "-m", "tokid", "--version"], check=True, cwd=directory, env=environment,
+                              capture_output=True, text=True).stdout
+        assert told == f"tokid {sys.argv[4]}\n", told
 
 
 if __name__ == "__main__":

@@ -17,6 +17,7 @@ import shutil
 import subprocess
 import sys
 import venv
+import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -177,6 +178,10 @@ class Maker:
         shutil.copy(module, files / "tokid")
         shutil.copy(stub, files / "tokid")
         (info,) = files.glob("*.dist-info")
+        # pip puts what is there where the programs of its environment are.
+        scripts = info.with_suffix(".data") / "scripts"
+        scripts.mkdir(parents=True)
+        shutil.copy(self.target(machine)[0].tool, scripts)
         platform_tag = f"manylinux_{GLIBC.replace('.', '_')}_{machine}"
         (info / "WHEEL").write_text("Wheel-Version: 1.0\nGenerator: tokid make_wheels\nRoot-Is-Purelib: false\n"
                                     f"Tag: {python.tag}-{platform_tag}\n")
@@ -196,7 +201,7 @@ class Maker:
             if licence:
                 shutil.copy(licence, licences / f"{name}.txt")
         (licences / "README.txt").write_text(
-            "The compiled module of this wheel contains these libraries. Each file is the licence of one of them;\n"
+            "The compiled module and the tool of this wheel contain these libraries. Each file is the licence of one of them;\n"
             "that of Boost asks for no copy beside compiled code.\n"
             "Sources of a Debian package: apt-get source NAME=VERSION, versions are in ../../sboms/tokid.cdx.json.\n"
             "`make wheels` of tokid's sources makes this wheel, with changed libraries, too.\n")
@@ -208,7 +213,8 @@ class Maker:
         sbom.write(self.source, components, info / "sboms" / "tokid.cdx.json")
 
     def check(self, wheel, module):
-        """It is as portable as its tag says, and exports nothing but Python's entry."""
+        """It is as portable as its tag says, has its command, and exports nothing but Python's entry."""
+        need_command(wheel)
         shown = json.loads(run(self.tools, "-m", "auditwheel", "show", "--json", wheel))
         oldest = re.fullmatch(r"manylinux_(\d+)_(\d+)_\w+", shown["overall_tag"])
         need(oldest and tuple(map(int, oldest.groups())) <= tuple(map(int, GLIBC.split("."))) and not shown["unsupported_isa"],
@@ -217,6 +223,21 @@ class Maker:
         exported = [name for _, section, name in re.findall(r"(GLOBAL|WEAK)\s+\w+\s+(\w+)\s+(\S+)$", symbols, re.MULTILINE)
                     if section != "UND"]
         need(exported == ["PyInit__tokid"], f"{module.name} exports {exported}, PyInit__tokid alone expected")
+
+
+def need_command(wheel):
+    """The command line tool, as a program for the processor that the tag of the wheel names."""
+    machine = wheel.stem.split("-")[-1].split("_", 3)[3]
+    number = {"x86_64": 62, "aarch64": 183}[machine]  # of ELF
+    with zipfile.ZipFile(wheel) as archive:
+        names = archive.namelist()
+        tools = [name for name in names if re.fullmatch(r"tokid-[^/]+\.data/scripts/tokid", name)]
+        need(len(tools) == 1, f"{wheel.name} has {len(tools)} command line tools tokid, one needed")
+        head = archive.read(tools[0])[:20]
+        need(head[:4] == b"\x7fELF" and int.from_bytes(head[18:20], "little") == number,
+             f"{wheel.name}: {tools[0]} is no program for {machine}")
+        need(archive.getinfo(tools[0]).external_attr >> 16 & 0o111, f"{wheel.name}: {tools[0]} is not executable")
+        need("tokid/__main__.py" in names, f"{wheel.name} has no tokid/__main__.py, which python -m tokid runs")
 
 
 def attempt(wheel, directory):

@@ -18,8 +18,8 @@ HERE = Path(__file__).parent
 # Sources that are compiled, and headers or a library that are taken as they are, each with the release of Debian. HDF5
 # before 1.14 runs programs of the target while it is built.
 SOURCES = {"zlib": "bookworm", "libzip": "bookworm", "libcsv": "bookworm", "hdf5": "trixie", "fmtlib": "trixie"}
-BINARIES = {"libeigen3-dev": "trixie", "libboost1.83-dev": "trixie", "libhwy-dev": "trixie", "libxxhash-dev": "trixie",
-            "nlohmann-json3-dev": "trixie", "libmatio-dev": "trixie"}
+BINARIES = {"libeigen3-dev": "trixie", "libboost1.83-dev": "trixie", "libcli11-dev": "trixie", "libhwy-dev": "trixie",
+            "libxxhash-dev": "trixie", "nlohmann-json3-dev": "trixie", "libmatio-dev": "trixie"}
 # Those that need no more than a compiler: their headers, and their files
 PLAIN = {"zlib": ("libz.a", ("zlib.h", "zconf.h"), "[!g]*.c"),  # what gz*.c has, is not used
          "libcsv": ("libcsv.a", ("csv.h",), "libcsv.c")}
@@ -49,6 +49,7 @@ class Target:
         self.root = directory / "root"
         self.compilers = directory / "compilers"
         self.compilers.mkdir(parents=True, exist_ok=True)
+        self.tool = self.root / "usr/bin/tokid"
         # Nothing of a wheel tells where it was made.
         words = f"-target {machine}-linux-gnu.{GLIBC} -mcpu={PROCESSORS[machine]} -ffile-prefix-map={HERE.parents[1]}=."
         for name, command in {"cc": f"cc {words}", "c++": f"c++ {words}", "ar": "ar", "ranlib": "ranlib"}.items():
@@ -121,8 +122,10 @@ set(CMAKE_FIND_ROOT_PATH_MODE_PACKAGE ONLY)
         self._archive("libmatio.a", HERE / "standard_streams.c")
 
     def build_library(self, source):
-        """tokid itself, installed in root."""
-        cmake_build(source, self.directory / "tokid", *self.options, "-DTOKID_BUILD_TOOL=OFF", "-DTOKID_BUILD_EXAMPLES=OFF",
+        """tokid itself, the library and the command line tool, installed in root."""
+        cmake_build(source, self.directory / "tokid", *self.options, "-DTOKID_BUILD_TOOL=ON", "-DTOKID_BUILD_EXAMPLES=OFF",
                     "-DTOKID_BUILD_TESTS=OFF",
+                    # A wheel needs no symbols of a debugger, and the tool no path to a library.
+                    "-DCMAKE_EXE_LINKER_FLAGS=-s", "-DCMAKE_SKIP_INSTALL_RPATH=ON",
                     # Boost's long double overflows in gamma_q here: tokid.paper() failed. Doubles are enough.
                     "-DCMAKE_CXX_FLAGS=-DBOOST_MATH_PROMOTE_DOUBLE_POLICY=false")

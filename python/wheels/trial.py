@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The installed package, tried: trial.py [REFERENCE]
 
-Every format of data and models is written and read back. REFERENCE is a folder of NAME.h5 and NAME.model.h5, data and the
+The command `tokid` of its environment, and `python -m tokid`, are there and write the same models as the package. Every
+format of data and models is written and read back. REFERENCE is a folder of NAME.h5 and NAME.model.h5, data and the
 model that another build of tokid identified from them without EM: this build finds the same. Prints the largest
 difference.
 """
 
+import subprocess
 import sys
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
@@ -48,6 +50,28 @@ def try_formats(folder):
         raise AssertionError("a missing file was read")
 
 
+def try_command(folder):
+    """The tool beside this Python, which is not on the path, and what this Python runs of it."""
+    folder.mkdir()
+    program = Path(sys.prefix) / "bin" / "tokid"
+    assert program.exists(), f"{program} is missing: the package has no command line tool"
+    for words in ([program], [sys.executable, "-m", "tokid"]):
+        def call(*arguments, words=words):
+            return subprocess.run([*words, *arguments], check=False, capture_output=True, text=True, cwd=folder)
+
+        assert call("--version").stdout == f"tokid {tokid.__version__}\n", words
+        wrong = call("identify", "none.npz", "-o", "model.npz")
+        assert wrong.returncode == 2 and "none.npz" in wrong.stderr, words
+        made = call("example", "oscillator", "--experiments", "30", "--steps", "30", "-o", "data.npz")
+        assert made.returncode == 0, made.stderr
+        made = call("identify", "data.npz", "-o", "model.npz")
+        assert made.returncode == 0, made.stderr
+        own = tokid.example("oscillator", experiments=30, steps=30)
+        assert same(tokid.load(folder / "data.npz"), own, ("u", "y"))
+        theirs, model = tokid.load(folder / "model.npz"), tokid.identify(own)
+        assert all(np.array_equal(getattr(theirs, m).stack(), getattr(model, m).stack()) for m in MATRICES), words
+
+
 def difference(model, reference):
     """The largest of the matrices, in the coordinates of the reference, and of the responses, which have none. D counts as
     a part of the responses: where the true one is zero it consists of rounding errors."""
@@ -63,6 +87,7 @@ def main():
     assert tokid.__file__.startswith(sys.prefix), tokid.__file__
     with tempfile.TemporaryDirectory() as folder:
         try_formats(Path(folder))
+        try_command(Path(folder) / "command")
     worst = 0.0
     for path in sorted(Path(sys.argv[1]).glob("*.model.h5")) if len(sys.argv) > 1 else ():
         data = tokid.load(path.with_name(path.name.replace(".model", "")))

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import tarfile
 import tomllib
+import zipfile
 
 import pytest
 from conftest import ROOT
@@ -19,7 +20,7 @@ sys.path.insert(0, str(ROOT / "python" / "wheels"))
 import make_release
 import portability
 from make_packages import changes, sums
-from make_wheels import PYTHONS
+from make_wheels import PYTHONS, need_command
 
 
 def text_of(name):
@@ -274,3 +275,46 @@ def test_wheels_for_every_python_that_is_promised():
     classifiers = tomllib.loads(text_of("pyproject.toml"))["project"]["classifiers"]
     named = re.findall(r"Programming Language :: Python :: 3\.(\d+)", "\n".join(classifiers))
     assert named == [str(minor) for minor in range(oldest, max(int(python.version[2:]) for python in PYTHONS) + 1)]
+
+
+def program(machine):
+    """The first bytes of an ELF file for this processor."""
+    return b"\x7fELF\2\1\1".ljust(18, b"\0") + {"x86_64": 62, "aarch64": 183}[machine].to_bytes(2, "little")
+
+
+TOOL = "tokid-1.2.3.data/scripts/tokid"
+
+
+@pytest.mark.parametrize("machine, files, mode, reason", [
+    ("x86_64", {TOOL: program("x86_64"), "tokid/__main__.py": b""}, 0o755, None),
+    ("aarch64", {TOOL: program("aarch64"), "tokid/__main__.py": b""}, 0o755, None),
+    ("x86_64", {"tokid/__main__.py": b""}, 0o755, "0 command line tools tokid, one needed"),
+    ("x86_64", {"tokid/tokid": program("x86_64"), "tokid/__main__.py": b""}, 0o755, "0 command line tools tokid, one needed"),
+    ("aarch64", {TOOL: program("x86_64"), "tokid/__main__.py": b""}, 0o755, "no program for aarch64"),
+    ("x86_64", {TOOL: b"#!/bin/sh", "tokid/__main__.py": b""}, 0o755, "no program for x86_64"),
+    ("x86_64", {TOOL: program("x86_64"), "tokid/__main__.py": b""}, 0o644, "not executable"),
+    ("x86_64", {TOOL: program("x86_64")}, 0o755, "no tokid/__main__.py"),
+])
+def test_wheel_without_its_command_is_refused(tmp_path, machine, files, mode, reason):
+    wheel = tmp_path / f"tokid-1.2.3-cp312-abi3-manylinux_2_28_{machine}.whl"
+    with zipfile.ZipFile(wheel, "w") as archive:
+        for name, content in files.items():
+            entry = zipfile.ZipInfo(name)
+            entry.external_attr = (0o100000 | mode) << 16
+            archive.writestr(entry, content)
+    if reason is None:
+        need_command(wheel)
+    else:
+        with pytest.raises(SystemExit, match=reason):
+            need_command(wheel)
+
+
+def test_pip_install_of_the_source_builds_the_command():
+    """python/tests/try_install.py installs such a package on an installed tokid, which has the command already."""
+    settings = tomllib.loads(text_of("pyproject.toml"))["tool"]["scikit-build"]
+    (target,) = settings["build"]["targets"]
+    cmake = text_of("python/CMakeLists.txt")
+    assert settings["cmake"]["define"]["TOKID_BUILD_TOOL"] == "ON"
+    assert f"add_dependencies({target} tokid_tool)" in cmake
+    (component,) = settings["install"]["components"]
+    assert f"install(TARGETS tokid_tool RUNTIME DESTINATION ${{SKBUILD_SCRIPTS_DIR}} COMPONENT {component})" in cmake
