@@ -194,14 +194,15 @@ def front(source, pages):
             shown += "\nMore:\n\n" + "\n".join(f"- {{doc}}`/{name}`" for name in left)
         tree = toctree([f"/{name}" for name in found], ":hidden:" if text else ":maxdepth: 1")
         source.write(f"{folder}/index.md", f"# {title}\n\n{shown}\n\n{tree}")
-    first = {"index", "tutorial"} | {f"{folder}/index" for folder in rooms.SECTIONS}
+    first = {"index", *rooms.FIRST} | {f"{folder}/index" for folder in rooms.SECTIONS}
     rest = [name for name in source.pages("*") + source.pages("*/*") if name not in placed | first
             and not name.startswith(("files/", "gallery/"))]
-    cards = [card("Tutorial", "tutorial", "From data to a model in ten minutes."),
+    cards = [*(card(title, page, sentence) for page, (title, sentence) in rooms.FIRST.items()),
              card("Gallery", "gallery/index", "Executed examples with pictures, measured data first.")]
     cards += [card(title, f"{folder}/index", sentence) for folder, (title, sentence, _) in rooms.SECTIONS.items()]
     text = pages.converted(first_screen(), ROOT / "README.md", "index.md")
-    tree = toctree(["Tutorial <tutorial>", "gallery/index", *(f"{folder}/index" for folder in rooms.SECTIONS), *rest], ":hidden:")
+    begin = [f"{title} <{page}>" for page, (title, _) in rooms.FIRST.items()]
+    tree = toctree([*begin, "gallery/index", *(f"{folder}/index" for folder in rooms.SECTIONS), *rest], ":hidden:")
     source.write("index.md", "\n".join([text, "", "## Where to go", "", grid(cards), tree]))
 
 

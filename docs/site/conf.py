@@ -79,7 +79,7 @@ html_theme_options = {
     "pygments_dark_style": "github-dark",
     "logo": {"text": f"tokid {release}"},
 }
-html_sidebars = {"index": [], "tutorial": []}  # which have no pages below
+html_sidebars = {"index": [], "install": [], "tutorial": []}  # which have no pages below
 
 
 def words_stay_words(app, doctree):

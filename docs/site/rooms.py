@@ -4,6 +4,12 @@
 A page, a name or a header that is in no list still gets its place, in the last group of its kind.
 """
 
+# Pages that stand before all sections: page → (title of its card, sentence)
+FIRST = {
+    "install": ("Install", "Two lines each: wheel, Debian package, source."),
+    "tutorial": ("Tutorial", "From data to a model in ten minutes."),
+}
+
 # Sections of the site: folder → (title, sentence, pages of docs/; patterns are allowed, whose pages have the order of
 # docs/index.md). A section of docs/index.md with the title becomes the first page of the section.
 SECTIONS = {

@@ -46,7 +46,7 @@ def test_version_to_cite(version):
 
 
 @pytest.mark.parametrize("name,pattern", [
-    ("README.md", r"find_package\(tokid (\S+) REQUIRED\)"),
+    ("docs/install.md", r"find_package\(tokid (\S+) REQUIRED\)"),
     ("tests/install/consumer/CMakeLists.txt", r"set\(requested (\S+) CACHE"),
 ])
 def test_version_to_ask_for(version, name, pattern):
@@ -271,7 +271,7 @@ def test_wheels_for_every_python_that_is_promised():
     tags = [python.tag for python in PYTHONS]
     assert sorted(tags) == sorted(["cp312-abi3", *(f"cp3{minor}-cp3{minor}" for minor in range(oldest, 12))])
     for tag in tags:
-        assert f"`{tag}`" in text_of("docs/python.md")
+        assert f"`{tag}`" in text_of("docs/install.md")
     classifiers = tomllib.loads(text_of("pyproject.toml"))["project"]["classifiers"]
     named = re.findall(r"Programming Language :: Python :: 3\.(\d+)", "\n".join(classifiers))
     assert named == [str(minor) for minor in range(oldest, max(int(python.version[2:]) for python in PYTHONS) + 1)]

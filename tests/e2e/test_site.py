@@ -49,6 +49,15 @@ def test_each_example_is_in_the_gallery(module):
     assert shown == {path.stem for path in (ROOT / "examples" / "python").glob("*.ipynb")}
 
 
+def test_the_front_page_says_for_whom_tokid_is_and_how_to_install_it(module):
+    text = module("build").first_screen()
+    for heading in ("## Who uses it, with what data", "## When to use it, and when not"):
+        assert f"\n{heading}\n" in text
+    assert "](docs/install.md)" in text and "\n## Install" not in text
+    pages = list(module("rooms").FIRST)
+    assert pages[0] == "install" and all((ROOT / "docs" / f"{page}.md").exists() for page in pages)
+
+
 def test_equations_and_links_of_a_document(module, tmp_path):
     build = module("build")
     pages = build.Documents(build.Source(tmp_path))
