@@ -379,7 +379,9 @@ def cpp(source, out):
     entries = "\n".join(f"   {page}" for page in rooms.CPP)
     source.write("reference/cpp/index.rst", "\n".join([
         heading("C++ API"), "The public headers, in the groups of the Python API. ``#include <tokid/tokid.hpp>`` has all of "
-        "them. Matrices are those of Eigen.\n", f".. toctree::\n   :maxdepth: 1\n\n{entries}\n"]))
+        "them. Matrices are those of Eigen. :doc:`/how-to/cpp` is the guide. The members ``execution`` of options, for "
+        "threads and progress, are of ``tokid/parallel.hpp`` in the group Identify.\n",
+        f".. toctree::\n   :maxdepth: 1\n\n{entries}\n"]))
 
 
 def static(out):

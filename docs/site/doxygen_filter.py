@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Prints a header with its plain comments as comments of Doxygen: doxygen_filter.py HEADER
 
-"// …" above a declaration becomes "/// …", behind one "///< …". The first comment describes the file.
+"// …" above a declaration becomes "/// …", behind one "///< …". The first comment describes the file. "\\throws" begins a
+paragraph. A declaration of several members becomes one for each, so that each has the comment.
 """
 
 import re
@@ -12,9 +13,36 @@ from pathlib import Path
 TRAILING = re.compile(r"""^(?P<code>(?:[^"'/]|"(?:\\.|[^"\\])*"|'(?:\\.|[^'\\])'|'|/(?!/))+)//\s?(?P<text>.*)$""")
 
 
+# "  Index first = 0, second;  // comment"
+SEVERAL = re.compile(r"^(?P<indent> +)(?P<type>[\w:]+(?:<[^;={}()]*>)?) (?P<names>\w+(?: = [^,;()]+)?(?:, \w+(?: = [^,;()]+)?)+);"
+                     r"\s*(?P<rest>(?://.*)?)$")
+
+
 def safe(text):
     """Text without commands."""
     return re.sub(r"([\\@<>&#$%\"])", r"\\\1", text.replace(r"\throws", "Throws"))
+
+
+def parted(lines):
+    """The lines with each declaration of several members as one declaration for each, so that each gets the comments."""
+    above, n = [], 0
+    while n < len(lines):
+        several = SEVERAL.match(lines[n])
+        if several is None:
+            above = above + [lines[n]] if lines[n].lstrip().startswith("//") else []
+            yield lines[n]
+            n += 1
+            continue
+        column = lines[n].find("//")  # of a comment behind the code, which may go on in the next lines
+        end = n + 1
+        while column >= 0 and end < len(lines) and lines[end].startswith(" " * column + "//"):
+            end += 1
+        own = [line for line in above if line.startswith(several["indent"] + "//")]
+        for place, name in enumerate(several["names"].split(", ")):
+            yield from own if place else []
+            yield f"{several['indent']}{several['type']} {name};".ljust(column) + several["rest"]
+            yield from lines[n + 1:end]
+        above, n = [], end
 
 
 def opening(lines):
@@ -29,7 +57,7 @@ def filtered(lines):
     first, rest = opening(lines)
     yield from first
     column, in_list = -1, False  # of a comment behind code, which may go on in the next line
-    for line in rest:
+    for line in parted(rest):
         stripped = line.lstrip()
         indent, text = line[:len(line) - len(stripped)], stripped[2:].strip()
         code = TRAILING.match(line)
@@ -40,7 +68,13 @@ def filtered(lines):
             formula = stripped.startswith("//   ") and not in_list  # on a line of its own
             column = column if len(indent) == column else -1
             mark = "///<" if column >= 0 else "///"
-            yield f"{indent}///\n{indent}/// {safe(text)}\n{indent}///" if formula else f"{indent}{mark} {safe(text)}"
+            before, throws, errors = text.partition("\\throws") if mark == "///" else (text, "", "")
+            if formula:
+                yield f"{indent}///\n{indent}/// {safe(text)}\n{indent}///"
+            elif throws:  # a paragraph of its own
+                yield f"{indent}/// {safe(before)}".rstrip() + f"\n{indent}///\n{indent}/// {safe(throws + errors)}"
+            else:
+                yield f"{indent}{mark} {safe(text)}"
         elif code and not code["text"].startswith("NOLINT") and stripped[0] not in "#}":
             column = len(code["code"])
             yield f"{code['code']}///< {safe(code['text'])}"

@@ -70,6 +70,10 @@ def shown(member):
             and not (member.get("kind") == "function" and arguments.endswith("&& other) noexcept")))
 
 
+def is_function(element, name):
+    return element.get("kind") == "function" and words(element.find("name")) == name
+
+
 class Headers:
     """The XML that Doxygen wrote into a folder."""
 
@@ -125,6 +129,7 @@ class Headers:
         """What a header declares."""
         compound = self.files[name]
         parts = [line for text in described(compound) for line in (text, "")]
-        for _, entry in sorted(self.entries(compound), key=lambda pair: pair[0]):
+        # The function that the header is named after comes first, before the types of its arguments and result.
+        for _, entry in sorted(self.entries(compound), key=lambda pair: (not is_function(pair[1], name), pair[0])):
             parts += self.rendered(entry, 0)
         return "\n".join(parts)

@@ -83,8 +83,35 @@ def test_comments_of_headers_for_doxygen(module):
     lines = ["// What the file is.", "// SPDX-License-Identifier: BSD-3-Clause", "#pragma once", "// Sums 50 % <of> all.",
              "// \\throws IoError", "int f();", "double g = 1.0;  // [s]", 'const char* h = "//";']
     assert "\n".join(module("doxygen_filter").filtered(lines)).split("\n") == [
-        "//! \\file", "//! What the file is.", "", "#pragma once", "/// Sums 50 \\% \\<of\\> all.", "/// Throws IoError",
-        "int f();", "double g = 1.0;  ///< [s]", 'const char* h = "//";']
+        "//! \\file", "//! What the file is.", "", "#pragma once", "/// Sums 50 \\% \\<of\\> all.", "///", "///",
+        "/// Throws IoError", "int f();", "double g = 1.0;  ///< [s]", 'const char* h = "//";']
+
+
+def test_each_member_of_a_declaration_gets_the_comments(module):
+    lines = ["// File.", "struct A {", "  // Of both.", "  std::vector<Index> first, second = {};", "  Index third = 0, fourth;  // of two",
+             "                            // more of it", "  int f(int a, int b);", "};"]
+    assert "\n".join(module("doxygen_filter").filtered(lines)).split("\n")[2:] == [
+        "struct A {", "  /// Of both.", "  std::vector<Index> first;", "  /// Of both.", "  std::vector<Index> second = {};",
+        "  Index third = 0;          ///< of two", "                            ///< more of it",
+        "  Index fourth;             ///< of two", "                            ///< more of it", "  int f(int a, int b);", "};"]
+
+
+def test_errors_have_a_paragraph_of_their_own(module):
+    lines = ["// File.", "", "// Opens it. \\throws IoError if it", "// is not there.", "void open();"]
+    assert "\n".join(module("doxygen_filter").filtered(lines)).split("\n")[3:] == [
+        "/// Opens it.", "///", "/// Throws IoError if it", "/// is not there.", "void open();"]
+
+
+def test_the_function_of_a_header_comes_first(module, tmp_path):
+    location = '<location file="tokid/fit.hpp" line="{}"/>'
+    member = '<memberdef kind="function" prot="public" static="no"><type>int</type><name>{}</name><argsstring>()</argsstring>{}</memberdef>'
+    (tmp_path / "fit_8hpp.xml").write_text('<doxygen><compounddef kind="file"><compoundname>fit.hpp</compoundname>'
+                                           f"{location.format(1)}</compounddef></doxygen>", encoding="utf-8")
+    (tmp_path / "namespacetokid.xml").write_text(
+        "<doxygen><compounddef><sectiondef>" + member.format("other", location.format(5)) + member.format("fit", location.format(9))
+        + "</sectiondef></compounddef></doxygen>", encoding="utf-8")
+    page = module("headers").Headers(tmp_path).page("fit")
+    assert page.index("int fit()") < page.index("int other()")
 
 
 def test_the_check_finds_wrong_links_and_other_hosts(module, tmp_path):
