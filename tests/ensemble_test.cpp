@@ -11,6 +11,21 @@
 
 #include "data/survey.hpp"
 #include "testing.hpp"
+#include "tokid/copies.hpp"
+#include "tokid/cross_validate.hpp"
+#include "tokid/dependence.hpp"
+#include "tokid/em.hpp"
+#include "tokid/example.hpp"
+#include "tokid/gtv_arx.hpp"
+#include "tokid/identify.hpp"
+#include "tokid/innovations.hpp"
+#include "tokid/lag_orders.hpp"
+#include "tokid/refine_model.hpp"
+#include "tokid/report.hpp"
+#include "tokid/smooth_arx.hpp"
+#include "tokid/uncertainty.hpp"
+#include "tokid/update.hpp"
+#include "tokid/windows.hpp"
 
 namespace tokid::testing {
 namespace {
@@ -390,6 +405,77 @@ TEST(Nominal, TestSeesFewStepsAndSmallMotionsThatLast) {
     EXPECT_TRUE(all.significant);
     EXPECT_GT(all.statistic, all.threshold);
   }
+}
+
+// Every function that takes an ensemble of a caller.
+TEST(Check, InfiniteSamplesAreRefusedByEachFunction) {
+  const ExperimentOptions noise{.experiments = 30, .process_noise = 0.1, .measurement_noise = 0.1};
+  const Ensemble data = experiments(oscillator(20), noise);
+  IdentifyOptions options{.states = 4, .lags = 2, .initial_state = InitialState::zero};
+  const Identification result = identify(data, options);
+  const Model& model = result.model;
+  const GtvArx arx = gtv_arx(data, {.lags = {2}, .noise_shape = true});
+  ASSERT_TRUE(model.has(&Step::has_innovation_cov));
+  const std::pair<const char*, std::function<void(const Ensemble&)>> calls[] = {
+      {"simulate_data", [&](const Ensemble& e) { simulate_data(model, e); }},
+      {"predict", [&](const Ensemble& e) { predict(model, e); }},
+      {"estimate_state", [&](const Ensemble& e) { estimate_state(model, e, 2, 4); }},
+      {"model_innovations", [&](const Ensemble& e) { model_innovations(model, e); }},
+      {"validate", [&](const Ensemble& e) { validate(model, e); }},
+      {"validate_distinct", [&](const Ensemble& e) { validate_distinct(model, e); }},
+      {"experiment_fits", [&](const Ensemble& e) { experiment_fits(model, e); }},
+      {"verdict", [&](const Ensemble& e) { verdict(model, e); }},
+      {"report_page", [&](const Ensemble& e) { report_page(model, e); }},
+      {"refine", [&](const Ensemble& e) { refine(model, e); }},
+      {"refine_model", [&](const Ensemble& e) { refine_model(model, e); }},
+      {"log_likelihoods", [&](const Ensemble& e) { log_likelihoods(model, e); }},
+      {"confidence", [&](const Ensemble& e) { confidence(model, e); }},
+      {"bootstrap",
+       [&](const Ensemble& e) {
+         bootstrap(
+             model, e, [&](const Ensemble&) { return model; }, [](const Model&) { return Vector::Ones(1); });
+       }},
+      {"simulation_bounds", [&](const Ensemble& e) { simulation_bounds(arx, e); }},
+      {"prediction_bounds", [&](const Ensemble& e) { prediction_bounds(arx, e); }},
+      {"gtv_arx", [&](const Ensemble& e) { gtv_arx(e, {.lags = {2}}); }},
+      {"lag_order_errors", [&](const Ensemble& e) { lag_order_errors(e); }},
+      {"choose_smoothing", [&](const Ensemble& e) { choose_smoothing(e, {.lags = {2}}); }},
+      {"window_factors", [&](const Ensemble& e) { window_factors(e, 2, InitialState::zero); }},
+      {"update_state", [&](const Ensemble& e) { update_state(e, result, options); }},
+      {"find_copies", [&](const Ensemble& e) { find_copies(e); }},
+      {"find_dependence", [&](const Ensemble& e) { find_dependence(e); }},
+      {"cross_validate", [&](const Ensemble& e) { cross_validate(e, options); }},
+      {"identify", [&](const Ensemble& e) { identify(e, options); }}};
+  Ensemble bad_output = data, bad_input = data;
+  bad_output.y(7, 5, 1) = std::numeric_limits<double>::infinity();
+  bad_input.u(7, 5, 1) = -std::numeric_limits<double>::infinity();
+  for (const auto& [name, call] : calls) {
+    if (std::string_view(name) != "simulate_data") {  // this one may not read the outputs
+      EXPECT_NE(message([&] { call(bad_output); }).find("output y2: infinite value in experiment 7 at step 5"),
+                std::string::npos)
+          << name << ": " << message([&] { call(bad_output); });
+    }
+    EXPECT_NE(message([&] { call(bad_input); }).find("input u2: infinite value in experiment 7 at step 5"),
+              std::string::npos)
+        << name << ": " << message([&] { call(bad_input); });
+  }
+  EXPECT_NE(message([&] { simulate(model, bad_input); }).find("input u2: infinite value"), std::string::npos);
+  EXPECT_NO_THROW(simulate(model, bad_output));  // its outputs are not read
+}
+
+TEST(Check, NamesMustFitTheChannelsAndDiffer) {
+  const Model model = oscillator(12);
+  Ensemble data = random_experiments(model, 6, 1);
+  data.names = {{"a", "b"}, {"c", "c"}, {}, {}};
+  EXPECT_EQ(message([&] { data.check(); }),
+            "output_names: \"c\" found for the channels 1 and 2, different names needed");
+  EXPECT_EQ(message([&] { identify(data); }), message([&] { data.check(); }));
+  data.names = {{"a", "b"}, {"a", "b"}, {}, {}};  // an output may be called as an input
+  EXPECT_EQ(message([&] { data.check(); }), "no exception");
+  data.names = {{}, {"c"}, {}, {}};
+  EXPECT_EQ(message([&] { validate(model, data); }), "output_names: 1 found, 2 needed, one for each channel");
+  data.names = {{"a"}, {}, {}, {}};
+  EXPECT_EQ(message([&] { simulate(model, data); }), "input_names: 1 found, 2 needed, one for each channel");
 }
 
 }  // namespace

@@ -30,10 +30,12 @@ struct RefineOptions {
   // Ascending steps K at which the matrices may jump: no penalty couples the steps K-1 and K. The state is carried
   // across. Only if the model varies and has no period.
   std::vector<Index> jumps = {};
-  // false: A, B, C and D are known, and so is their variation. EM then estimates Q, R and the distribution of x_0 alone.
+  // false: A, B, C and D are known, and so is their variation. EM then estimates Q, R and the distribution of x_0
+  // alone.
   bool estimate_matrices = true;
   bool accelerate = true;  // Anderson acceleration; a step is used only if it raises the likelihood
-  // EM first uses weaker penalties than λ, each with a third of the iterations, at most 15. Very weak ones are left out.
+  // EM first uses weaker penalties than λ, each with a third of the iterations, at most 15. Very weak ones are left
+  // out.
   bool warm_up = true;
   Execution execution = {};
 };
@@ -58,9 +60,9 @@ struct Refinement {
 // present. A missing input counts as a random number with the mean square of its channel.
 // With smoothing = 0, Q_k and R_k differ from step to step. Otherwise Q_k and R_k are constant matrices times a noise
 // size. The noise size is constant, unless the size of the innovations varies significantly.
-// \throws std::invalid_argument where channels disagree, the model has too few steps of its full dimension, there is no
-// output sample, or an option is out of range; std::runtime_error where the start has no finite likelihood or
-// EM diverges
+// \throws std::invalid_argument where channels disagree, a sample is infinite, the model has too few steps of its full
+// dimension, there is no output sample, or an option is out of range; std::runtime_error where the start has no finite
+// likelihood or EM diverges
 Refinement refine(const Model& model, const Ensemble& data, const RefineOptions& options = {});
 
 // (T) By how much, in one iteration from this model, EM would raise twice the penalised log-likelihood if the matrices
@@ -69,7 +71,8 @@ Refinement refine(const Model& model, const Ensemble& data, const RefineOptions&
 Vector jump_gains(const Model& model, const Ensemble& data, const RefineOptions& options);
 
 // (N) log-likelihood of each experiment: log of the density of its outputs given its inputs. The model needs Q and R,
-// and for initial states that are not zero x0_mean and x0_cov. \throws std::invalid_argument if one is missing
+// and for initial states that are not zero x0_mean and x0_cov. \throws std::invalid_argument if one is missing, or for
+// an infinite sample
 Vector log_likelihoods(const Model& model, const Ensemble& data, const Execution& execution = {});
 
 // The model for the steps 0 … steps-1 with the largest state dimension at each step. If the model is in the raw frame

@@ -25,7 +25,8 @@ using Innovations = std::vector<Matrix>;
 // prediction errors are larger than S_k and correlated in time. A Kalman filter then estimates the difference from the
 // state of an observer that has all outputs. The innovations of this filter are scaled to the covariance S_k. If an
 // unknown state was estimated from samples, the innovations begin after these samples. If the model has no innovation
-// covariance, the innovations are those of predict(). \throws std::invalid_argument where channels disagree
+// covariance, the innovations are those of predict(). \throws std::invalid_argument where channels disagree,
+// or for an infinite sample
 Innovations model_innovations(const Model& model, const Ensemble& data, std::optional<InitialState> initial_state = {});
 
 // The samples over which a test computes its correlations. Experiments are independent, so each step can be tested

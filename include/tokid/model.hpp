@@ -23,8 +23,11 @@ struct Model {
   // its last step.
   Index period = 0;
 
-  std::string frame = "raw";  // raw, reference, smooth
-  std::string method;         // tvera, subspace, known
+  // Coordinates of the states: raw, reference or smooth. The method may already compute smooth coordinates: the
+  // subspace realisation does so if λ or a period couples the steps.
+  std::string frame = "raw";
+  // The method that made the model: tvera, subspace, or em after a refinement. known: the matrices come from elsewhere.
+  std::string method;
   InitialState initial_state = InitialState::zero;
   Channels names;
 
@@ -64,7 +67,7 @@ void check_finite(const Model& model);
 // has_initial_estimate(), else zero; whether the initial states are zero or unknown is taken from the inputs, or from
 // the model if the inputs do not state it. The nominal trajectory is added to the outputs. After a missing input, the
 // outputs of its experiment are NaN.
-// \throws std::invalid_argument for a wrong number of inputs or a wrong shape of x0
+// \throws std::invalid_argument for a wrong number of inputs, an infinite input, or a wrong shape of x0
 Ensemble simulate(const Model& model, const Ensemble& inputs, const Matrix& x0 = {});
 
 // A finding if the data have steps after the last step of the model, because no outputs are computed there.
@@ -112,17 +115,18 @@ struct Prediction {
 // innovation_cov it counts as zero.
 // If samples are missing and the model has Q, R and an initial state, a Kalman filter for the samples that are present
 // replaces the observer. A missing input then counts as a random number with the mean square of its channel.
-// \throws std::invalid_argument for wrong channel numbers, and as check_horizon
+// \throws std::invalid_argument for wrong channel numbers, an infinite sample, and as check_horizon
 Prediction predict(const Model& model, const Ensemble& data, const PredictOptions& options = {});
 
 // Estimates the states (n × N) of the experiments at step k by least squares over the samples k … k+window-1. The
 // function minimises the sum of squares of the observer's innovations, whitened by their covariance, because they
 // depend linearly on x_k. A column is NaN if a sample that it needs is missing. \throws std::invalid_argument where k
-// or window are outside the model
+// or window are outside the model, or for an infinite sample
 Matrix estimate_state(const Model& model, const Ensemble& data, Index k, Index window);
 
 // Simulates the outputs from the inputs of the data. If the initial state is unknown, it is estimated from the first
-// samples. NaN at steps without an output of the model.
+// samples. NaN at steps without an output of the model. \throws std::invalid_argument for a wrong number of channels or
+// an infinite sample
 Ensemble simulate_data(const Model& model, const Ensemble& data, std::optional<InitialState> initial_state = {});
 
 // h_{k,i} (m × r), k > i (7); h°_{k,i} (m × m) (30). \throws std::invalid_argument for steps outside the model

@@ -199,8 +199,9 @@ struct ReportPage {
 };
 // Makes a self-contained HTML page, which loads nothing: tables for every reader, plots if JavaScript runs. Its data
 // are a few megabytes at most, for any size of the ensemble; the page states which data it leaves out.
-// \throws std::invalid_argument where channels disagree, no step of the data has a model, the bands are those of
-// another model or of other steps, or `at` has steps without a model or more than the page has room for
+// \throws std::invalid_argument where channels disagree, a sample is infinite, no step of the data has a model, the
+// bands are those of another model or of other steps, or `at` has steps without a model or more than the page has room
+// for
 ReportPage report_page(const Model& model, const Ensemble& data, const ReportOptions& options = {});
 
 // The page of a model that was just identified from these data with these options. It uses the held-out experiments if

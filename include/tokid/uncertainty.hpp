@@ -70,11 +70,11 @@ struct SimulationBoundsOptions {
   Execution execution = {};
 };
 // `data` must be departures from the nominal trajectory if one was removed. \throws std::invalid_argument where
-// channels disagree or the level is outside 0 … 1
+// channels disagree, a sample is infinite, or the level is outside 0 … 1
 OutputBounds simulation_bounds(const GtvArx& arx, const Ensemble& data, const SimulationBoundsOptions& options = {});
 
 // One-step predictions of the recursion, with the interval that contains a new measurement with the probability
-// `level`.
+// `level`. \throws as simulation_bounds()
 OutputBounds prediction_bounds(const GtvArx& arx, const Ensemble& data, const BoundsOptions& options = {});
 
 // Eigenvalues of the closed loop Ā_k = A_k + G_k C_k in a reference frame (reference_frame()). In this frame the states
@@ -145,8 +145,8 @@ struct Bootstrap {
   Index unknowns = 0;    // L, plus one for a mean motion
   double freedom = 0.0;  // degrees of freedom of Student's t
 };
-// \throws std::invalid_argument for options out of range or experiments that leave no degree of freedom,
-// std::runtime_error where fewer than half of the replicates could be identified
+// \throws std::invalid_argument for options out of range, an infinite sample, or too few experiments for a degree of
+// freedom, std::runtime_error where fewer than half of the replicates could be identified
 Bootstrap bootstrap(const Ensemble& data, const Identifier& f, const Functional& functional,
                     const BootstrapOptions& options = {});
 // The same for a model that is known already. Its values are the estimates. `f` may therefore start from the model, and
@@ -200,8 +200,8 @@ struct Confidence {
 // a model with a tenth of λ is identified as well. The squared differences from it, averaged over five steps, add to
 // the variances, because λ has a bias. `data` must be the ensemble of the identification, including the held-out
 // experiments, which the function does not use.
-// \throws std::invalid_argument for options out of range, a number of experiments that differs from the identification,
-// or a model that was not identified
+// \throws std::invalid_argument for options out of range, an infinite sample, a number of experiments that differs from
+// the identification, or a model that was not identified
 Confidence confidence(const Model& model, const Ensemble& data, const ConfidenceOptions& options = {});
 
 // Bounds of a function of the model, by the bootstrap as in confidence(), with the bias of smoothing. The function must

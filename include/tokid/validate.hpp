@@ -62,8 +62,10 @@ struct Validation {
   Index first_simulated = 0;              // first step of the fit of the simulation
   Findings findings;
 };
-// Validates a model on data. \throws std::invalid_argument where channels disagree or no step of the data has a model
-// or the first step of the fits is outside them
+// Validates a model on data. The findings don't compare sample times, names and units: differences() of model.hpp does
+// so, and verdict() of report.hpp draws the conclusion whether the model can be trusted.
+// \throws std::invalid_argument where channels disagree, for an infinite sample, if no step of the data has a model, or
+// if the first step of the fits is outside these steps
 Validation validate(const Model& model, const Ensemble& data, const ValidateOptions& options = {});
 // Validates without copies and dependent experiments. The findings name the experiments that are left out.
 Validation validate_distinct(const Model& model, const Ensemble& data, const ValidateOptions& options = {});

@@ -8,6 +8,7 @@
 #include <limits>
 #include <stdexcept>
 
+#include "data/check.hpp"
 #include "data/output_weights.hpp"
 #include "linalg/orthonormal.hpp"
 
@@ -73,6 +74,7 @@ LagOrderErrors lag_order_errors(const Ensemble& ensemble, const LagOrderOptions&
     throw std::invalid_argument(
         fmt::format("ensemble: {} experiments with {} inputs and {} outputs found, at least one of each needed",
                     ensemble.experiments(), ensemble.inputs(), ensemble.outputs()));
+  check_samples(ensemble);
   const Index p_max = std::min(options.p_max, ensemble.steps() - 1);
   LagOrderErrors result;
   result.best = std::max<Index>(1, options.p_min);

@@ -7,6 +7,7 @@
 
 #include "base/integers.hpp"
 #include "base/random.hpp"
+#include "data/check.hpp"
 #include "data/scales.hpp"
 #include "data/subjects.hpp"
 
@@ -169,7 +170,10 @@ Index samples_of(const Ensemble& e, Index n) {
 
 }  // namespace
 
-Copies find_copies(const Ensemble& ensemble) { return find_copies(ensemble, scales(ensemble)); }
+Copies find_copies(const Ensemble& ensemble) {
+  check_samples(ensemble);
+  return find_copies(ensemble, scales(ensemble));
+}
 
 Copies find_copies(const Ensemble& e, const Scales& scales) {
   const Index N = e.experiments();

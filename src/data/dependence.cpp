@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "base/statistics.hpp"
+#include "data/check.hpp"
 #include "data/noise_of.hpp"
 #include "data/scales.hpp"
 #include "data/subjects.hpp"
@@ -475,7 +476,10 @@ std::vector<DependentExperiment> made_of_others(const Ensemble& e, const Scales&
 
 }  // namespace
 
-Dependence find_dependence(const Ensemble& ensemble) { return find_dependence(ensemble, scales(ensemble)); }
+Dependence find_dependence(const Ensemble& ensemble) {
+  check_samples(ensemble);
+  return find_dependence(ensemble, scales(ensemble));
+}
 
 Dependence find_dependence(const Ensemble& ensemble, const Scales& scales) {
   Dependence result;

@@ -27,6 +27,11 @@ std::string channel_name(const Channels& names, Index inputs, Index c) {
 
 }  // namespace
 
+std::string infinite_sample(const Channels& names, Index inputs, Index c, const std::string& experiment, Index k) {
+  return fmt::format("{}: infinite value in experiment {} at step {}, finite or missing (NaN) needed",
+                     channel_name(names, inputs, c), experiment, k);
+}
+
 void Survey::append(const Survey& later, Index begin) {
   if (channel.empty()) {
     channel.resize(later.channel.size());
@@ -68,9 +73,7 @@ Survey survey(const Ensemble& e, Index begin, Index end, Index origin) {
       } else {
         for (Index n = 0; n < column.size(); ++n)
           if (std::isinf(column(n)))
-            throw std::invalid_argument(
-                fmt::format("{}: infinite value in experiment {} at step {}, finite or missing (NaN) needed",
-                            channel_name(e.names, e.inputs(), c), e.experiment(n), origin + k));
+            throw std::invalid_argument(infinite_sample(e.names, e.inputs(), c, e.experiment(n), origin + k));
         present = (column.array() == column.array()).count();
         least = column.minCoeff<Eigen::PropagateNumbers>();
         most = column.maxCoeff<Eigen::PropagateNumbers>();

@@ -33,6 +33,9 @@ struct Survey {
 // message names the channel, the experiment and the step. Step 0 of the ensemble has the number `origin` there.
 Survey survey(const Ensemble& ensemble, Index begin, Index end, Index origin = 0);
 
+// The message for an infinite sample of channel c (inputs first) at step k of an experiment, given by its row or name.
+std::string infinite_sample(const Channels& names, Index inputs, Index c, const std::string& experiment, Index k);
+
 // \throws std::invalid_argument if all samples of a channel are missing
 void check_presence(const Survey& survey, const Channels& names, Index inputs, Index samples);
 

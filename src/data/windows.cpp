@@ -9,6 +9,7 @@
 #include <stdexcept>
 
 #include "data/channel_sizes.hpp"
+#include "data/check.hpp"
 #include "linalg/row_absorption.hpp"
 
 namespace tokid {
@@ -90,6 +91,7 @@ Nominal WindowFactors::nominal() const {
 }
 
 WindowFactors window_factors(const Ensemble& e, Index lags, InitialState initial_state, const Execution& execution) {
+  check_samples(e);
   if (lags < 1 || lags >= e.steps())
     throw std::invalid_argument(fmt::format("lags: {} found, 1 to {} needed", lags, e.steps() - 1));
   WindowFactors f = kind_of(e, lags, initial_state);

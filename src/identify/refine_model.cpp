@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "base/nan.hpp"
+#include "model/channels.hpp"
 #include "tokid/dependence.hpp"
 #include "tokid/identify.hpp"
 
@@ -64,6 +65,7 @@ void compare(const Model& model, const Ensemble& data, std::optional<InitialStat
 }  // namespace
 
 RefinedModel refine_model(const Model& model, const Ensemble& data, const RefineModelOptions& options) {
+  check_channels(model, data, true);  // messages then name the caller's rows, not those of a part
   RefinedModel result;
   if (const UsedExperiments used = used_experiments(data); !used.all(data)) {  // copies would count twice
     result = refine_model(model, data.subset(used.rows()), options);

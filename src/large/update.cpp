@@ -40,6 +40,7 @@ void remember(std::vector<Digest>& known, std::vector<Digest> given) {
 }  // namespace
 
 UpdateState update_state(const Ensemble& data, const Identification& result, const IdentifyOptions& options) {
+  check_samples(data);
   if (result.held_out)
     throw std::invalid_argument(
         "hold-out fraction: held-out experiments found, but a state file needs all experiments; use no hold-out");

@@ -10,6 +10,7 @@
 #include <stdexcept>
 
 #include "base/large_pages.hpp"
+#include "data/check.hpp"
 #include "linalg/lane_regression.hpp"
 #include "linalg/orthonormal.hpp"
 #include "linalg/row_absorption.hpp"
@@ -344,6 +345,7 @@ GtvArx gtv_arx(const Windows& windows, const GtvArxOptions& options) {
 }
 
 GtvArx gtv_arx(const Ensemble& ensemble, const GtvArxOptions& options) {
+  check_samples(ensemble);
   const Windows windows(ensemble);
   const bool alike = options.lags.size() == 1 && !options.leverages;
   if (!alike || options.block == 1) return gtv_arx(windows, options);

@@ -6,6 +6,7 @@
 #include <stdexcept>
 
 #include "data/axes.hpp"
+#include "data/check.hpp"
 
 namespace tokid {
 
@@ -16,6 +17,7 @@ void check_channels(const Model& model, const Ensemble& data, bool with_outputs)
     if (with_outputs && data.outputs() != model.outputs)
       throw std::invalid_argument(fmt::format("outputs: {} found, the model has {}", data.outputs(), model.outputs));
   });
+  check_samples(data, with_outputs);
 }
 
 }  // namespace tokid

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "base/nan.hpp"
+#include "model/channels.hpp"
 #include "model/continuation.hpp"
 #include "model/kalman_step.hpp"
 #include "model/observer_step.hpp"
@@ -185,6 +186,7 @@ class Filter {
 
 Innovations model_innovations(const Model& model, const Ensemble& data, std::optional<InitialState> initial_state) {
   if (!model.has(&Step::has_innovation_cov)) return predict(model, data, {1, initial_state}).innovations;
+  check_channels(model, data, true);
   if (model.steps() == 0 || std::min(model.k_end(), data.steps()) <= model.k_begin)
     return Innovations(size_t(data.steps()), Matrix::Constant(data.experiments(), model.outputs, nan));
   return Filter(model, data, initial_state).run();

@@ -9,6 +9,7 @@
 
 #include "base/nan.hpp"
 #include "data/subjects.hpp"
+#include "model/channels.hpp"
 #include "model/comparison.hpp"
 #include "model/continuation.hpp"
 #include "model/error_sums.hpp"
@@ -167,9 +168,9 @@ Validation validate(const Model& model, const Ensemble& data, const ValidateOpti
 }
 
 Validation validate_distinct(const Model& model, const Ensemble& data, const ValidateOptions& options) {
+  check_channels(model, data, true);  // messages then name the caller's rows, not those of the part
   const UsedExperiments used = used_experiments(data);
   if (used.all(data)) return validate(model, data, options);
-  data.check(false);  // messages then name the caller's rows, not those of the part
   const Ensemble part = data.subset(used.rows());
   Validation result = validate_in_numbers(model, part, options);
   result.outlying = outlying_in(data, part, 0, std::move(result.outlying));

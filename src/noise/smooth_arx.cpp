@@ -12,6 +12,7 @@
 #include <stdexcept>
 
 #include "base/search_progress.hpp"
+#include "data/check.hpp"
 #include "data/output_weights.hpp"
 #include "data/pooled_windows.hpp"
 #include "data/rows.hpp"
@@ -266,6 +267,7 @@ Index descend(Index start, Index count, Function&& f) {
 }  // namespace
 
 SmoothingChoice choose_smoothing(const Ensemble& ensemble, const SmoothingOptions& options) {
+  check_samples(ensemble);
   if (ensemble.experiments() < 2)
     throw std::invalid_argument(
         fmt::format("experiments: {} found, at least 2 needed to choose the smoothing", ensemble.experiments()));

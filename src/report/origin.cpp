@@ -5,6 +5,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "model/channels.hpp"
 #include "tokid/identify.hpp"
 
 namespace tokid::report {
@@ -40,6 +41,7 @@ std::optional<Tested> after_corrections(const Model& model, const Ensemble& data
 }  // namespace
 
 Tested tested(const Model& model, const Ensemble& data, const ReportOptions& options) {
+  check_channels(model, data, true);  // messages then name the caller's rows, not those of a part
   return tested(model, data, used_experiments(data), options);
 }
 

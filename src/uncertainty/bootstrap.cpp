@@ -9,6 +9,7 @@
 #include "base/nan.hpp"
 #include "base/random.hpp"
 #include "base/words.hpp"
+#include "data/check.hpp"
 #include "tokid/uncertainty.hpp"
 #include "uncertainty/interval.hpp"
 
@@ -102,12 +103,14 @@ Eigen::VectorXcd matched(const Eigen::VectorXcd& found, const Eigen::VectorXcd& 
 Bootstrap bootstrap(const Ensemble& data, const Identifier& f, const Functional& functional,
                     const BootstrapOptions& options) {
   check_options(options);
+  check_samples(data);
   return bootstrap(identified(data, Vector::Ones(data.experiments()), f, options), data, f, functional, options);
 }
 
 Bootstrap bootstrap(const Model& original, const Ensemble& data, const Identifier& f, const Functional& functional,
                     const BootstrapOptions& options) {
   check_options(options);
+  check_samples(data);
   const Index experiments = data.experiments();
   const Index mean = options.nominal ? 1 : 0;
   Index unknowns = (options.unknowns > 0 ? options.unknowns : median_unknowns(original)) + mean;

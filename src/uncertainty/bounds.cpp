@@ -8,6 +8,7 @@
 #include <stdexcept>
 
 #include "base/nan.hpp"
+#include "data/check.hpp"
 #include "uncertainty/interval.hpp"
 #include "uncertainty/recursion.hpp"
 
@@ -84,6 +85,7 @@ void check_channels(const GtvArx& arx, const Ensemble& data) {
     throw std::invalid_argument(
         fmt::format("data: {} inputs, {} outputs and {} steps found, {}, {} and at most {} needed", data.inputs(),
                     data.outputs(), data.steps(), arx.inputs, arx.outputs, arx.steps()));
+  check_samples(data);
 }
 
 // The bounds of every output that depends on a missing sample become NaN.

@@ -69,6 +69,7 @@ Ensemble training_part(const Model& model, const Ensemble& data, const IdentifyO
   if (model.inputs != data.inputs() || model.outputs != data.outputs())
     throw std::invalid_argument(fmt::format("channels: {} inputs and {} outputs found, the model has {} and {}",
                                             data.inputs(), data.outputs(), model.inputs, model.outputs));
+  check_samples(data);
   const UsedExperiments used = used_experiments(data);
   Corrected remaining = corrected(used.all(data) ? data : data.subset(used.rows()), model.provenance.corrections);
   if (remaining.weights.minCoeff() < 1)
