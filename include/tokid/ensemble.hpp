@@ -46,13 +46,14 @@ FreeResponse complete(const FreeResponse& free);
 
 // Each row is an experiment, and time runs along the columns. The columns k·d … k·d+d-1, d = r+m, hold u_k (r columns)
 // and then y_k (m columns). The regressors of a step are therefore contiguous columns: the window (17), (18). NaN marks
-// a missing sample.
+// a missing sample. Runs makes an ensemble from runs in memory, and checks them.
 class Ensemble {
  public:
   Ensemble() = default;
   enum class Samples { missing, unset };
-  // N × T with every sample missing, or uninitialised (unset). \throws std::invalid_argument for a negative size, r + m
-  // = 0 or dt ≤ 0
+  // N × T with every sample missing, or uninitialised (unset). dt counts as stated, also if it is the default. If no
+  // sample time is known, set dt_stated = false.
+  // \throws std::invalid_argument for a negative size, r + m = 0 or dt ≤ 0
   Ensemble(Index experiments, Index steps, Index inputs, Index outputs, double dt = 1.0,
            Samples samples = Samples::missing);
 
@@ -62,6 +63,8 @@ class Ensemble {
   Index outputs() const { return outputs_; }             // m
   Index channels() const { return inputs_ + outputs_; }  // d = r + m
 
+  // Input i and output j of experiment n at step k. Only debug builds check the indices, and not all of them: they must
+  // satisfy 0 ≤ n < N, 0 ≤ k < T, 0 ≤ i < r and 0 ≤ j < m. Writing outside corrupts memory.
   double& u(Index n, Index k, Index i) { return samples_(n, k * channels() + i); }
   double u(Index n, Index k, Index i) const { return samples_(n, k * channels() + i); }
   double& y(Index n, Index k, Index j) { return samples_(n, k * channels() + inputs_ + j); }
@@ -108,7 +111,8 @@ class Ensemble {
   std::string experiment_label(Index n) const;
 
   // \throws std::invalid_argument for an infinite value (the message names the channel, experiment and step), a channel
-  // without any sample (the message names the channel), or sizes that do not match.
+  // without any sample (the message names the channel), sizes that do not match, or two inputs or two outputs of one
+  // name.
   // With outputs_needed = false, all outputs may be missing, for example if a model could predict none.
   void check(bool outputs_needed = true) const;
 

@@ -43,6 +43,7 @@
 #include "tokid/refine_model.hpp"
 #include "tokid/remarks.hpp"
 #include "tokid/report.hpp"
+#include "tokid/runs.hpp"
 #include "tokid/smooth_arx.hpp"
 #include "tokid/step.hpp"
 #include "tokid/stream.hpp"
