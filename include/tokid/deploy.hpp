@@ -42,7 +42,9 @@ struct DeployedCode {
 // beyond the range of the numbers: whenever the status is NAME_ok, the state and all results are finite, but for the
 // innovations of missing outputs.
 // With a controller of this model there is also NAME_control(), which gives u_k from x̂_k before y_k is known.
-// The code allocates no memory, and includes <float.h> and <stdint.h> alone.
+// The code allocates no memory, and includes <float.h> and <stdint.h> alone. It calls no function of a library, but
+// compilers may insert calls of memcpy() and memset(). With -ffast-math or -ffinite-math-only it does not compile,
+// because missing samples are NaN.
 // \throws std::invalid_argument for a name that C does not accept, a model that is not consistent or has no step, an
 // innovation_cov that is no covariance, an unknown initial state without start_from_zero, numbers that are not finite
 // or beyond the range of float, or a controller of another model

@@ -331,6 +331,23 @@ double rounding_share(const Model& model, double epsilon) {
   return 20 * double(model.states() + model.inputs + model.outputs) * epsilon * norm;
 }
 
+// Does the model meet the condition of rounding_share()? The sentence about it.
+std::string sentence_of_decay(const Model& model) {
+  double largest = 0.0;
+  for (const Step& step : model.step) {
+    const Matrix loop = step.closed_loop();
+    if (loop.size() == 0) continue;
+    largest = loop.allFinite() ? std::max(largest, linalg::singular_values(loop)(0))
+                               : std::numeric_limits<double>::infinity();
+    if (std::isinf(largest)) break;
+  }
+  if (largest <= 0.95 * (1 + 1e-12))
+    return fmt::format("This model meets it: the largest |A + G C| is {:.2g}.", largest);
+  return fmt::format(
+      "This model does not meet it: the largest |A + G C| is\n * {:.3g}. Rounding errors may therefore exceed the bound.",
+      largest);
+}
+
 // The words of the comment in the header.
 void describe_code(Words& words, const DeployedCode& code, const Model& model, const Rows& rows, const Vector& start,
                    bool known, double epsilon) {
@@ -344,6 +361,7 @@ void describe_code(Words& words, const DeployedCode& code, const Model& model, c
   words["operations"] = in_words(code.step);
   words["operations_missing"] = in_words(code.step_missing);
   words["operations_control"] = in_words(code.control);
+  words["decay"] = sentence_of_decay(model);
   words["rounding"] = fmt::format("{:.1e}", rounding_share(model, epsilon));
 }
 

@@ -35,11 +35,13 @@ constexpr std::string_view header_control = R"( * Operations of the controller: 
 
 constexpr std::string_view header_types = R"( *
  * Rounding errors change a prediction by at most 20 (n + r + m) eps max(1, |C|) = @rounding@ times the largest number
- * among the samples and the sums of absolute terms of a prediction or a new state. This presumes that the state error
- * of the observer decays by at least 5 % in each step, and that no outputs are missing that nearly copy each other.
+ * among the samples and the sums of absolute terms of a prediction or a new state. This presumes that no outputs are
+ * missing that nearly copy each other, and that the state error of the observer decays by at least 5 % in each step:
+ * |A + G C| <= 0.95. @decay@
  *
- * The code allocates no memory and calls no library. It finds missing samples by comparisons with NaN, so do not
- * compile it with -ffast-math or -ffinite-math-only.
+ * The code allocates no memory and calls no function of a library, but compilers may insert calls of memcpy() and
+ * memset(). It finds missing samples by comparisons with NaN, so it does not compile with -ffast-math or
+ * -ffinite-math-only.
  */
 #ifndef @guard@
 #define @guard@
@@ -113,6 +115,10 @@ constexpr std::string_view source_begin = R"(/* The observer that @file@ describ
 #include "@file@"
 
 #include <float.h>
+
+#if (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__) || defined(_M_FP_FAST)
+#error "Missing samples are NaN, which -ffast-math, -ffinite-math-only and /fp:fast ignore: compile this file without them"
+#endif
 
 typedef @name@_real real;
 

@@ -170,7 +170,9 @@ def test_random_models(tokid, tmp_path):
                 relative[precision] = max(relative[precision], error / size / EPSILON[precision])
                 share = 20 * (n + m + r) * EPSILON[precision] * max(1, np.abs(model["C"]).sum(-1).max())
                 assert error <= share * size, (name, error, share)
-                assert f"max(1, |C|) = {share:.1e} times" in (tmp_path / f"{name}.h").read_text()
+                header = (tmp_path / f"{name}.h").read_text()
+                assert f"max(1, |C|) = {share:.1e} times" in header
+                assert "This model meets it: the largest |A + G C| is 0." in header
     print(f"\n{count} models, {compared} predictions: worst difference relative to the largest output {worst}, in eps "
           f"{relative}")
     assert worst["double"] <= 1e-12
@@ -486,6 +488,27 @@ def test_identified_model(tokid, folder, flags, compiler):
     for n in range(5):
         found = Code(library, "my_plant", model).predict(data["u"][n], data["y"][n])
         support.assert_close(found, expected[n], 1e-12)
+
+
+def test_the_header_says_if_rounding_errors_may_exceed_the_bound(tokid, folder):
+    model = random_model(np.random.default_rng(3), "varying", 3, 2, 2, steps=6)
+    model["A"][4] *= 1.3
+    closed = model["A"] + model["G"] @ model["C"]
+    tokid("export", save(folder, model), "-o", folder / "slow.c")
+    header = " ".join((folder / "slow.h").read_text().split())
+    largest = max(np.linalg.norm(step, 2) for step in closed)
+    assert largest > 0.95
+    assert f"does not meet it: the largest |A + G C| is * {largest:.3g}. Rounding errors may" in header
+
+
+def test_flags_that_ignore_missing_samples_are_refused(tokid, folder):
+    tokid("export", folder / "model.npz", "-o", folder / "fast.c")
+    for compiler in ("gcc", "clang"):
+        for flag in ("-ffast-math", "-ffinite-math-only"):
+            done = subprocess.run([compiler, flag, "-fsyntax-only", folder / "fast.c"], stderr=subprocess.PIPE, text=True, check=False)
+            assert done.returncode != 0
+            assert "Missing samples are NaN, which -ffast-math" in done.stderr
+        subprocess.run([compiler, "-O3", "-fno-finite-math-only", "-fsyntax-only", folder / "fast.c"], check=True)
 
 
 def test_names_in_comments(tokid, folder):
