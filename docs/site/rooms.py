@@ -63,8 +63,8 @@ PYTHON = {
 # C++: page → (title, headers of include/tokid)
 CPP = {
     "identify": ("Identify", ["identify", "options", "choices", "plan", "lag_orders", "cross_validate", "stream", "team",
-                              "update", "progress"]),
-    "data": ("Data", ["ensemble", "ensemble_file", "io", "windows", "design", "example", "file_lock", "types"]),
+                              "update", "progress", "parallel"]),
+    "data": ("Data", ["ensemble", "runs", "ensemble_file", "io", "windows", "design", "example", "file_lock", "types"]),
     "model": ("Model", ["model", "step", "model_file", "provenance"]),
     "validate": ("Validate and diagnose", ["validate", "innovations", "conclusion", "finding", "remarks", "corrections",
                                            "outlier", "copies", "dependence", "uncertainty", "report"]),
@@ -73,5 +73,5 @@ CPP = {
     "export": ("Export", ["deploy"]),
     "stages": ("Stages", ["gtv_arx", "smooth_arx", "random_walk", "markov", "tvera", "subspace", "em", "refine_model",
                           "stage_values"]),
-    "other": ("Foundations", ["tokid", "linalg", "parallel", "paper", "printable"]),
+    "other": ("Foundations", ["tokid", "linalg", "paper", "printable"]),
 }

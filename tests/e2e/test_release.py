@@ -47,6 +47,7 @@ def test_version_to_cite(version):
 
 @pytest.mark.parametrize("name,pattern", [
     ("docs/install.md", r"find_package\(tokid (\S+) REQUIRED\)"),
+    ("docs/how-to/cpp.md", r"find_package\(tokid (\S+) REQUIRED\)"),
     ("tests/install/consumer/CMakeLists.txt", r"set\(requested (\S+) CACHE"),
 ])
 def test_version_to_ask_for(version, name, pattern):
