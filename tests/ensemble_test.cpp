@@ -463,6 +463,22 @@ TEST(Check, InfiniteSamplesAreRefusedByEachFunction) {
   EXPECT_NO_THROW(simulate(model, bad_output));  // its outputs are not read
 }
 
+TEST(Survey, AnInputOfOneExperimentAloneIsNotTheSameInAll) {
+  Ensemble e = numbered(3, 6, 1, 1);
+  for (Index n = 0; n < 3; ++n) e.u(n, 2, 0) = 5;
+  e.names.input_names = {"thrust"};
+  set_length(e, {4, 6, 4});
+  EXPECT_EQ(in_words(findings_of_inputs(survey(e, 0, 6), e.names)),
+            (std::vector<std::string>{
+                "input thrust is the same in every experiment at step 2: its effect at these steps can't be identified",
+                "only one experiment has samples of input thrust at steps 4–5: its effect at these steps can't be identified"}));
+  Survey parts = survey(e, 0, 3);
+  parts.append(survey(e, 3, 6), 3);
+  EXPECT_EQ(parts.alone, survey(e, 0, 6).alone);
+  const Ensemble single = e.subset({1});
+  EXPECT_TRUE(survey(single, 0, 6).alone[0].empty());  // one experiment, as recorded
+}
+
 TEST(Check, NamesMustFitTheChannelsAndDiffer) {
   const Model model = oscillator(12);
   Ensemble data = random_experiments(model, 6, 1);

@@ -75,7 +75,7 @@ struct Finding {
     axes_channels_before_time,     // as axes_of_one_experiment
     axes_time_before_experiments,  // as axes_of_one_experiment
     input_zero,                    // channels, steps: zero in every experiment
-    input_same,                    // channels, steps: the same in every experiment
+    input_same,                    // channels, steps: the same in every experiment; numbers: experiments, 1 if alone
     input_zero_throughout,         // channels
     input_constant_throughout,     // channels
     input_zero_at_phases,          // channels, steps: phases of a period

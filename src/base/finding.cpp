@@ -298,6 +298,10 @@ constexpr Entry table[] = {
      }},
     {Kind::input_same, "input_same", warning,
      [](const Finding& f) {
+       if (f.numbers.count("experiments") > 0)
+         return fmt::format(
+             "only one experiment has samples of input {} at {}: its effect at these steps can't be identified",
+             channel(f), words::step_list(f.steps));
        return fmt::format(
            "input {} is the same in every experiment at {}: its effect at these steps can't be identified",
            channel(f), words::step_list(f.steps));

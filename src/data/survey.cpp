@@ -9,6 +9,8 @@
 #include <limits>
 #include <map>
 #include <stdexcept>
+#include <string>
+#include <utility>
 
 #define XXH_INLINE_ALL
 #include <xxhash.h>
@@ -37,6 +39,7 @@ void Survey::append(const Survey& later, Index begin) {
     channel.resize(later.channel.size());
     zero.resize(later.zero.size());
     same.resize(later.same.size());
+    alone.resize(later.alone.size());
     absent.resize(later.absent.size());
   }
   for (size_t c = 0; c < channel.size(); ++c) {
@@ -47,6 +50,7 @@ void Survey::append(const Survey& later, Index begin) {
   for (size_t i = 0; i < zero.size(); ++i) {
     for (const Index k : later.zero[i]) zero[i].push_back(begin + k);
     for (const Index k : later.same[i]) same[i].push_back(begin + k);
+    for (const Index k : later.alone[i]) alone[i].push_back(begin + k);
   }
   for (size_t c = 0; c < absent.size(); ++c)
     for (const Index k : later.absent[c]) absent[c].push_back(begin + k);
@@ -59,6 +63,7 @@ Survey survey(const Ensemble& e, Index begin, Index end, Index origin) {
   result.channel.resize(size_t(d));
   result.zero.resize(size_t(e.inputs()));
   result.same.resize(size_t(e.inputs()));
+  result.alone.resize(size_t(e.inputs()));
   result.absent.resize(size_t(d));
   Index absent = 0;
   for (Index k = begin; k < end; ++k)
@@ -86,7 +91,10 @@ Survey survey(const Ensemble& e, Index begin, Index end, Index origin) {
       }
       range.min = std::min(range.min, least);
       range.max = std::max(range.max, most);
-      if (c < e.inputs() && least == most) (least == 0 ? result.zero : result.same)[size_t(c)].push_back(k - begin);
+      if (c < e.inputs() && least == most) {
+        const bool alone = present == 1 && column.size() > 1;
+        (least == 0 ? result.zero : alone ? result.alone : result.same)[size_t(c)].push_back(k - begin);
+      }
     }
   Index beyond = 0;
   for (const Index length : e.length) beyond += end - std::clamp(length, begin, end);
@@ -115,12 +123,16 @@ void check_magnitudes(const Survey& survey, const Channels& names, Index inputs)
 
 Findings findings_of_inputs(const Survey& survey, const Channels& names) {
   Findings result;
-  const auto add = [&](Finding::Kind kind, size_t i, const std::vector<Index>& steps) {
-    if (!steps.empty()) result.push_back({.kind = kind, .channels = {input_channel(names, Index(i))}, .steps = steps});
+  const auto add = [&](Finding::Kind kind, size_t i, const std::vector<Index>& steps,
+                       std::map<std::string, double> numbers = {}) {
+    if (!steps.empty())
+      result.push_back(
+          {.kind = kind, .channels = {input_channel(names, Index(i))}, .steps = steps, .numbers = std::move(numbers)});
   };
   for (size_t i = 0; i < survey.zero.size(); ++i) {
     add(Finding::Kind::input_zero, i, survey.zero[i]);
     add(Finding::Kind::input_same, i, survey.same[i]);
+    add(Finding::Kind::input_same, i, survey.alone[i], {{"experiments", 1.0}});
   }
   return result;
 }

@@ -22,6 +22,8 @@ struct Survey {
   std::vector<ChannelRange> channel;  // (d) inputs first
   // (r) steps at which the input is zero in all experiments, or has one other value in all experiments
   std::vector<std::vector<Index>> zero, same;
+  // (r) steps at which only one of several experiments has a sample of the input, unless this sample is zero
+  std::vector<std::vector<Index>> alone;
   std::vector<std::vector<Index>> absent;  // (d) steps at which every experiment lacks the sample
   Index missing = 0;                       // within the lengths of the experiments
 
@@ -43,7 +45,8 @@ void check_presence(const Survey& survey, const Channels& names, Index inputs, I
 // \throws std::invalid_argument
 void check_magnitudes(const Survey& survey, const Channels& names, Index inputs);
 
-// Reports steps at which an input is the same in every experiment, because its effect there can't be identified. With a
+// Reports steps at which an input is the same in every experiment, or at which only one experiment has a sample of it,
+// because its effect there can't be identified. With a
 // period, reports the phases at which an input is always zero. findings_of_outputs() reports outputs that never change.
 Findings findings_of_inputs(const Survey& survey, const Channels& names);
 Findings findings_of_inputs(const Survey& survey, const Channels& names, Index period, Index steps);
@@ -63,6 +66,6 @@ std::string fingerprint(Index experiments, Index inputs, Index outputs, const st
 // Serialises a survey for messages between processes.
 template <class Archive, class S>
 requires std::is_same_v<std::remove_const_t<S>, Survey>
-void fields(Archive& archive, S& s) { archive(s.channel, s.zero, s.same, s.absent, s.missing); }
+void fields(Archive& archive, S& s) { archive(s.channel, s.zero, s.same, s.alone, s.absent, s.missing); }
 
 }  // namespace tokid

@@ -152,7 +152,7 @@ FinishedBlock finished_block(std::string_view bytes, const BlockLayout& layout, 
       b.opening.cols() == b.model.n(b.model.k_begin) &&
       (block.end == layout.steps ? b.closing.size() == 0 : b.closing.cols() == b.model.n(b.model.k_end())) &&
       counts(b.samples.channel, inputs + outputs) && counts(b.samples.zero, inputs) && counts(b.samples.same, inputs) &&
-      counts(b.errors.one_step, outputs) && counts(b.errors.simulation, outputs) &&
+      counts(b.samples.alone, inputs) && counts(b.errors.one_step, outputs) && counts(b.errors.simulation, outputs) &&
       counts(b.digests, block.end - block.begin);
   if (!fits)
     throw std::invalid_argument(fmt::format(
