@@ -23,6 +23,15 @@ TEST(ParallelFor, CoversEveryIndexOnceForAnyNumberOfThreads) {
   }
 }
 
+TEST(ParallelFor, ANegativeNumberOfThreadsIsRefused) {
+  try {
+    parallel_for(0, 10, {-1, {}}, [](Index, Index) { FAIL(); });
+    FAIL();
+  } catch (const std::invalid_argument& error) {
+    EXPECT_STREQ(error.what(), "threads: -1 found, 1 or more needed, or 0 for one for each processor");
+  }
+}
+
 TEST(ParallelFor, ReportsProgressThatEndsAtOne) {
   for (const int threads : {1, 3}) {
     std::vector<double> reported;

@@ -10,12 +10,14 @@
 
 namespace tokid {
 
+// How long calls use the machine, and to whom they report. Options of such calls have a member `execution`.
 struct Execution {
-  int threads = 1;         // 0: one for each processor of the machine
+  int threads = 1;         // 0: one for each processor of the machine. The results do not depend on it
   Progress progress = {};  // empty: no reports
 };
 
 // The number of threads that `execution` asks for; 0 stands for the number of processors.
+// \throws std::invalid_argument for a negative number
 Index thread_count(const Execution& execution);
 
 // The execution of one stage of the work. It has the same threads, and its progress is reported between `from` and

@@ -18,7 +18,9 @@ struct ProgressReport {
   // [s] Expected time until the end. NaN: no better one is known than from the share and the time so far.
   double seconds_left = std::numeric_limits<double>::quiet_NaN();
 };
-// tokid calls it from one thread at a time.
+// tokid calls it from one thread at a time. An exception that it throws cancels the call, whose caller receives the
+// exception. It must not be a std::exception, because some stages catch every std::exception. Interruptible of
+// parallel.hpp also cancels calls that report no progress.
 using Progress = std::function<void(const ProgressReport&)>;
 
 // The time left, from the reports of one call, smoothed over about a second.

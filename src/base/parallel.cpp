@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "tokid/parallel.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <atomic>
 #include <exception>
 #include <mutex>
+#include <stdexcept>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -27,6 +30,9 @@ void checkpoint() {
 }
 
 Index thread_count(const Execution& execution) {
+  if (execution.threads < 0)
+    throw std::invalid_argument(
+        fmt::format("threads: {} found, 1 or more needed, or 0 for one for each processor", execution.threads));
   return execution.threads > 0 ? execution.threads : std::max(1, int(std::thread::hardware_concurrency()));
 }
 

@@ -92,9 +92,9 @@ Index Model::max_lags() const {
 }
 
 void Model::check() const {
-  if (inputs < 0 || outputs < 1 || k_begin < 0)
-    throw std::invalid_argument(fmt::format(
-        "model: {} inputs, {} outputs, first step {} found, at least 0, 1, 0 needed", inputs, outputs, k_begin));
+  if (inputs < 0) throw std::invalid_argument(fmt::format("model: {} inputs found, 0 or more needed", inputs));
+  if (outputs < 1) throw std::invalid_argument(fmt::format("model: {} outputs found, 1 or more needed", outputs));
+  if (k_begin < 0) throw std::invalid_argument(fmt::format("model: first step {} found, 0 or more needed", k_begin));
   if (period < 0) throw std::invalid_argument(fmt::format("model: period {} found, 0 or more needed", period));
   if (!(dt > 0) || !std::isfinite(dt))
     throw std::invalid_argument(fmt::format("model: dt = {} found, a positive time in seconds needed", dt));
