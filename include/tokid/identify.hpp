@@ -24,10 +24,12 @@ struct Identification {
   Model model;
   Plan plan;
   Index experiments = 0, steps = 0;  // number of experiments and steps used for the identification
-  Index min_experiments = 0;         // N_min at this p, plus one if a nominal trajectory is estimated
-  Index rank_deficient_steps = 0;    // of the regressions of single steps
-  double condition_max = 0.0;        // of the regressions of single steps; 0 if all steps are in one regression
-  NominalTest nominal_test;          // filled if the choice was automatic
+  // Fewest experiments for a regression at each step with the lag order p = plan.lags: minimum_experiments(), plus one
+  // if a nominal trajectory is estimated
+  Index min_experiments = 0;
+  Index rank_deficient_steps = 0;  // of the regressions of single steps
+  double condition_max = 0.0;      // of the regressions of single steps; 0 if all steps are in one regression
+  NominalTest nominal_test;        // filled if the choice was automatic
   InitialStateTest initial_state_test;
   LagOrderErrors lag_order_errors;   // filled if p was chosen with a regression for each step
   SmoothingChoice smoothing_choice;  // filled if p and λ were chosen together
@@ -52,8 +54,9 @@ struct Identification {
 using OnModel = std::function<void(Model)>;
 
 // Identifies a model. `on_model` is called at most once, in the calling thread, with the first model. It is not called
-// if no EM follows. Its exceptions end the identification. \throws std::invalid_argument for too few experiments or
-// steps, or too little excitation. For too few experiments, the message states the p that their number permits.
+// if no EM follows. Its exceptions end the identification, as those of `execution.progress` do.
+// \throws as Ensemble::check(), and std::invalid_argument for too few experiments or steps, or too little excitation.
+// For too few experiments, the message states the p that their number permits.
 Identification identify(const Ensemble& ensemble, const IdentifyOptions& options = {}, const OnModel& on_model = {});
 
 }  // namespace tokid

@@ -1,4 +1,5 @@
-// The observer of a model for samples that arrive step by step, with the results of predict() to the last bit.
+// The observer of a model for samples that arrive step by step. Its predictions are those of predict() to the last bit,
+// if no sample is missing, or with samples_missing = true and input_square as predict() computes it.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 

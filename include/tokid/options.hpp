@@ -109,6 +109,8 @@ struct IdentifyOptions {
   std::optional<bool> refine = {};
   std::optional<InitialState> initial_state = {};  // empty: as the data state it, else by a test of the first residuals
   std::optional<NominalChoice> nominal = {};       // empty: mean if the mean motion is significant, else none
+  // Coordinates of the model. raw: those that the method computes. With coupled steps, these are smooth already, and
+  // Model::frame then says "smooth".
   Frame frame = Frame::raw;
   std::optional<Index> reference_step = {};  // s of the reference frame; empty: the first step of full dimension
   double hold_out = 0.0;                     // held-out share of the experiments, for validation, 0 ≤ share < 1
