@@ -16,7 +16,7 @@ namespace tokid {
 namespace {
 
 // A constant end is reported only if it has this number of steps, and this multiple of the median over the experiments.
-constexpr double fewest_steps = 8, times_usual = 3;
+constexpr double fewest_held = 8, times_usual_end = 3;
 // A jump by a turn differs from the turn by the motion of one step. All other motions are smaller than this share of a
 // turn, and the angles fill this share of it.
 constexpr double largest_motion = 0.25, least_range = 0.75;
@@ -56,7 +56,7 @@ std::optional<Finding> early_ends(const Ensemble& e, Index origin) {
   Finding result{.kind = Finding::Kind::experiments_end_early};
   for (Index n = 0; n < e.experiments(); ++n) {
     const Changes& own = found[size_t(n)];
-    if (own.before == 0 || held[size_t(n)] < fewest_steps || held[size_t(n)] < times_usual * usual) continue;
+    if (own.before == 0 || held[size_t(n)] < fewest_held || held[size_t(n)] < times_usual_end * usual) continue;
     result.experiments.push_back({n, e.experiment_name(n)});
     result.steps.push_back(origin + own.last);
   }
