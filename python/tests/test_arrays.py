@@ -138,6 +138,50 @@ def test_experiments_by_number():
             data[n]
 
 
+LENGTHS = [7, 3, 0, 5, 7]
+
+
+@pytest.mark.parametrize("kind", ["list", "tuple", "array of objects", "nested lists"])
+def test_experiments_of_different_lengths(kind):
+    make = {"list": list, "tuple": tuple, "nested lists": lambda runs: [run.tolist() or np.empty(run.shape) for run in runs]}
+    u, y = samples()
+    runs = [[array[n, :length] for n, length in enumerate(LENGTHS)] for array in (u, y)]
+    if kind == "array of objects":
+        given = [np.empty(5, dtype=object) for _ in runs]
+        for array, listed in zip(given, runs):
+            array[:] = listed
+    else:
+        given = [make[kind](listed) for listed in runs]
+    data = tokid.Ensemble(*given, dt=0.5, input_names=["a", "b"])
+    padded = tokid.Ensemble(u, y, length=LENGTHS, dt=0.5, input_names=["a", "b"])
+    assert data.length.tolist() == LENGTHS and data.fingerprint == padded.fingerprint and data.missing == 0
+    assert np.isnan(data.y[1, 3:]).all() and np.array_equal(data.y[3, :5], y[3, :5])
+    assert tokid.Ensemble(given[0]).length.tolist() == tokid.Ensemble(None, given[1]).length.tolist() == LENGTHS
+
+
+def test_calls_take_experiments_of_different_lengths(noisy):
+    lengths = [30 - n % 4 for n in range(40)]
+    u, y = ([array[n, :length] for n, length in enumerate(lengths)] for array in (noisy.u, noisy.y))
+    data = tokid.Ensemble(u, y, dt=noisy.dt)
+    options = {"states": 4, "lags": 4, "refine": False}
+    model = tokid.identify(u, y, dt=noisy.dt, **options, keep_state=True)
+    assert np.array_equal(model.A.stack(), tokid.identify(data, **options).A.stack())
+    assert np.array_equal(model.validate(u, y).one_step.fit, model.validate(data).one_step.fit)
+    simulated = model.simulate(u)
+    assert np.array_equal(simulated, model.simulate(data), equal_nan=True)
+    assert simulated.shape == (40, 30, 2) and np.isnan(simulated[1, 29]).all() and not np.isnan(simulated[1, 28]).any()
+    folds = [tokid.cross_validate(*given, folds=2, **options).one_step.fit for given in ((u, y), (data,))]
+    assert np.array_equal(*folds)
+    assert tokid.update(model.state, [2 * one for one in u], y).updated.experiments == 80
+
+
+def test_masks_of_a_list_are_missing_samples():
+    u, y = samples()
+    masked = [np.ma.masked_array(one, mask=np.arange(14).reshape(7, 2) // 2 == n) for n, one in enumerate(u)]
+    data = tokid.Ensemble(masked, y)
+    assert data.missing == 10 and data.length is None and np.isnan(data.u[2, 2]).all()
+
+
 def test_ensemble_is_no_array():
     u, y = samples(10)
     with pytest.raises(TypeError, match=r"an Ensemble found, an array needed: use its arrays u \(N, T, r\) and y"):
@@ -167,7 +211,18 @@ REFUSED = [
     (lambda u, y: tokid.Ensemble(u * 1j, y), "u: an array of complex128 found, real numbers needed"),
     (lambda u, y: tokid.Ensemble(u, y.astype(str)), "y: an array of <U32 found, real numbers needed"),
     (lambda u, y: tokid.Ensemble(u, y.astype(object)), "y: an array of object found, real numbers needed"),
-    (lambda u, y: tokid.Ensemble([[1, 2], [3]], y), "u: lists of unequal lengths found"),
+    (lambda u, y: tokid.Ensemble([[[1, 2], [3]]], y), "u: lists of unequal lengths found"),
+    (lambda u, y: tokid.Ensemble([[1, 2], [3]], y),
+     "u[0]: shape (2,) found, (T, r) needed for an experiment in a list; for one channel, (T, 1)"),
+    (lambda u, y: tokid.Ensemble([u[0], u[1, :4]], y[:2]), "y[1]: 7 steps found, 4 needed as in u[1]"),
+    (lambda u, y: tokid.Ensemble(u[:2], [y[0], y[1, :4]]), "y[1]: 4 steps found, 7 needed as in u[1]"),
+    (lambda u, y: tokid.Ensemble([u[0], u[1, :4]], [y[0], y[1, :4], y[2]]), "y: 3 experiments found, 2 needed as in u"),
+    (lambda u, y: tokid.Ensemble([u[0], u[1, :4]], y[0]), "y: shape (7, 3) found, a list of N experiments (T, m) needed"),
+    (lambda u, y: tokid.Ensemble([u[0], u[1, :4, :1]]), "u[1]: shape (4, 1) found, (T, 2) needed as in u[0]"),
+    (lambda u, y: tokid.Ensemble([u[0], "abc"]), "u[1]: an array of <U3 found, real numbers needed"),
+    (lambda u, y: tokid.Ensemble([u[0], u[1, :4]], length=[7, 4]),
+     "length: found beside a list of experiments, whose lengths are known"),
+    (lambda u, y: tokid.identify([u[0], u[1, :4]], [y[0], y[1, :4]], length=[7, 4]), "length: found beside a list"),
     (lambda u, y: tokid.Ensemble(None), "inputs (N, T, r) or outputs (N, T, m) needed"),
     (lambda u, y: tokid.Ensemble(np.where(u > 1, np.inf, u)), "infinite value in experiment"),
     (lambda u, y: tokid.Ensemble(np.full_like(u, np.nan), y), "u1"),

@@ -46,6 +46,42 @@ def samples(name: str, values: Any, channels: str) -> tuple[np.ndarray[Any, np.d
     return array, False
 
 
+def are_runs(values: Any) -> bool:
+    """Is it a list of experiments of different lengths, or a list of masked arrays? NumPy would drop their masks."""
+    if isinstance(values, np.ndarray):
+        if values.dtype != object or values.ndim != 1:
+            return False
+    elif not isinstance(values, (list, tuple)):
+        return False
+    if not all(hasattr(one, "__len__") for one in values):
+        return False
+    return len({len(one) for one in values}) > 1 or any(isinstance(one, np.ma.MaskedArray) for one in values)
+
+
+def runs(name: str, values: Any, channels: str) -> list[np.ndarray[Any, np.dtype[Any]]]:
+    """Return experiments of any lengths, each as an array (T, channels).
+
+    Raises
+    ------
+    ValueError
+        If they are not a list or an array of experiments, or have different channels. The message names the experiment.
+    """
+    if not are_runs(values):
+        values = numbers(name, values)
+        if values.ndim != 3:
+            raise ValueError(f"{name}: shape {values.shape} found, a list of N experiments (T, {channels}) needed")
+    result = [numbers(f"{name}[{n}]", one) for n, one in enumerate(values)]
+    for n, one in enumerate(result):
+        if one.ndim != 2:
+            raise ValueError(
+                f"{name}[{n}]: shape {one.shape} found, (T, {channels}) needed for an experiment in a list; for one "
+                "channel, (T, 1)"
+            )
+        if one.shape[1] != result[0].shape[1]:
+            raise ValueError(f"{name}[{n}]: shape {one.shape} found, (T, {result[0].shape[1]}) needed as in {name}[0]")
+    return result
+
+
 def outputs_beside(values: Any, inputs: np.ndarray[Any, Any], single: bool) -> np.ndarray[Any, np.dtype[Any]]:
     """Return outputs that match inputs (N, T, r). The inputs of a `single` experiment were (T, r)."""
     experiments, steps, r = inputs.shape

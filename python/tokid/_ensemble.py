@@ -28,10 +28,11 @@ class Ensemble(Channels):
 
     Parameters
     ----------
-    u : array_like, shape (N, T, r), or (T, r) for one experiment
+    u : array_like, shape (N, T, r), or (T, r) for one experiment, or a list of N arrays (T_n, r)
         Inputs. NaN marks a missing sample, and so does the mask of a masked array. Arrays of any strides and any type
-        of real numbers are read directly. The samples are copied once, into the layout of the library.
-    y : array_like, shape (N, T, m), or (T, m) for one experiment, optional
+        of real numbers are read directly. The samples are copied once, into the layout of the library. A list of
+        arrays has experiments of different lengths: T is the largest one, and `length` is set.
+    y : array_like, shape (N, T, m), or (T, m) for one experiment, or a list of N arrays (T_n, m), optional
         Outputs. Without them, the ensemble contains only inputs, for simulations.
     dt : float, optional
         Sample time [s]. Without it, dt is 1, and a `TokidWarning` reports this.
@@ -86,7 +87,7 @@ class Ensemble(Channels):
         output_units: Optional[Sequence[str]] = None,
         experiment_names: Optional[Iterable[Any]] = None,
     ) -> None:
-        core, single = core_of(u, y, dt)
+        core, single = core_of(u, y, dt, length)
         self._core = core
         describe(
             core, length, free_y, initial_state, input_names, output_names, input_units, output_units, experiment_names

@@ -40,7 +40,7 @@ def to_identify(u: Any, y: Any, dt: Optional[float], described: dict[str, Any]) 
         return u._ready(), ""
     if y is None:
         raise ValueError("y: none found, outputs (N, T, m) needed")
-    core, single = core_of(u, y, dt)
+    core, single = core_of(u, y, dt, described.get("length"))
     describe(core, **described)
     return core, taken_for_one(core) if single else ""
 

@@ -94,7 +94,8 @@ class Model(StateSpace):
     change: a method that makes another model returns it.
 
     Methods with the arguments ``u`` and ``y`` accept one experiment as (T, r) and (T, m), or an `Ensemble` instead of
-    both. They return arrays with as many dimensions as their arguments.
+    both. They return arrays with as many dimensions as their arguments. Experiments of different lengths are lists of N
+    arrays (T_n, r) and (T_n, m). Methods then return arrays (N, T, m), with NaN after the end of an experiment.
     """
 
     __slots__ = ("_origin", "__weakref__")

@@ -49,10 +49,19 @@ def experiment_names(data: _tokid.Ensemble) -> list[str]:
     return data.experiment_names or [str(n) for n in range(data.experiments)]
 
 
-def core_of(u: Any, y: Any, dt: Optional[float]) -> tuple[_tokid.Ensemble, bool]:
-    """Return an ensemble with these samples, and whether they were those of a single experiment."""
+def core_of(
+    u: Any, y: Any, dt: Optional[float], length: Optional[ArrayLike] = None
+) -> tuple[_tokid.Ensemble, bool]:
+    """Return an ensemble with these samples, and whether they were those of a single experiment.
+
+    Experiments of different lengths set the lengths of the ensemble. A `length` of the user is then an error.
+    """
     if u is None and y is None:
         raise ValueError("u, y: none of them found, inputs (N, T, r) or outputs (N, T, m) needed")
+    if _arrays.are_runs(u) or _arrays.are_runs(y):
+        if length is not None:
+            raise ValueError("length: found beside a list of experiments, whose lengths are known")
+        return _core_of_runs(u, y, dt), False
     inputs: Optional[np.ndarray[Any, Any]] = None
     outputs: Optional[np.ndarray[Any, Any]] = None
     if u is None:
@@ -77,6 +86,33 @@ def core_of(u: Any, y: Any, dt: Optional[float]) -> tuple[_tokid.Ensemble, bool]
     if outputs is not None:
         core.write_outputs(outputs)
     return core, single
+
+
+def _core_of_runs(u: Any, y: Any, dt: Optional[float]) -> _tokid.Ensemble:
+    """Return an ensemble of experiments of different lengths."""
+    inputs = None if u is None else _arrays.runs("u", u, "r")
+    outputs = None if y is None else _arrays.runs("y", y, "m")
+    if inputs is not None and outputs is not None:
+        if len(inputs) != len(outputs):
+            raise ValueError(f"y: {plural(len(outputs), 'experiment')} found, {len(inputs)} needed as in u")
+        for n, (one, beside) in enumerate(zip(outputs, inputs)):
+            if len(one) != len(beside):
+                raise ValueError(f"y[{n}]: {plural(len(one), 'step')} found, {len(beside)} needed as in u[{n}]")
+    lengths = [len(one) for one in (outputs if inputs is None else inputs) or ()]
+    core = _tokid.Ensemble(
+        len(lengths),
+        max(lengths),
+        inputs[0].shape[1] if inputs else 0,
+        outputs[0].shape[1] if outputs else 0,
+        1.0 if dt is None else float(dt),
+    )
+    core.dt_stated = dt is not None
+    for samples, experiments in ((core.u(), inputs), (core.y(), outputs)):
+        for n, one in enumerate(experiments or ()):
+            samples[n, : len(one)] = one
+    if min(lengths) < max(lengths):
+        core.length = lengths
+    return core
 
 
 def taken_for_one(core: _tokid.Ensemble) -> str:
