@@ -5,6 +5,9 @@
 
 #include <cstdint>
 #include <limits>
+#include <optional>
+#include <stdexcept>
+#include <tuple>
 
 #include "call.hpp"
 #include "model/options.hpp"
@@ -16,8 +19,24 @@ namespace tokid::python {
 
 namespace {
 
-// Returns (model, evidence, state or None). The page is written last, so that no page is written if something fails
-// before.
+// The verdict of the page, which is written if the call asks for one. Null if nothing could be compared; a page is an
+// error then.
+std::optional<Verdict> judged(const Identification& found, const Ensemble& data, const IdentifyOptions& options,
+                              const std::optional<std::filesystem::path>& page, const ReportOptions& page_options) {
+  if (page) {
+    ReportPage written = identification_page(found, data, options, page_options);
+    save_text(written.html, *page);
+    return std::move(written.verdict);
+  }
+  try {
+    return verdict(found, data, options, page_options);
+  } catch (const std::invalid_argument&) {
+    return std::nullopt;
+  }
+}
+
+// Returns (model, evidence, verdict or None, state or None). The page is written last, so that no page is written if
+// something fails before.
 nb::tuple identified(const Ensemble& data, IdentifyOptions options, int threads, nb::object listener, bool keep_state,
                      const std::optional<std::filesystem::path>& page, const ReportOptions& page_options,
                      const nb::object& on_model) {
@@ -25,15 +44,16 @@ nb::tuple identified(const Ensemble& data, IdentifyOptions options, int threads,
   options.execution = call.execution(threads);
   OnModel first;
   if (!on_model.is_none()) first = [&](Model model) { call.ask([&] { on_model(nb::cast(std::move(model))); }); };
-  auto [result, state] = call.run([&] {
+  auto [result, judged_as, state] = call.run([&] {
     Identification found = identify(data, options, first);
     std::optional<UpdateState> kept;
     if (keep_state) kept = update_state(data, found, options);
-    if (page) save_text(identification_page(found, data, options, page_options).html, *page);
-    return std::pair(std::move(found), std::move(kept));
+    std::optional<Verdict> judgement = judged(found, data, options, page, page_options);
+    return std::tuple(std::move(found), std::move(judgement), std::move(kept));
   });
   nb::object evidence = object_of(result);
-  return nb::make_tuple(std::move(result.model), evidence, std::move(state));
+  nb::object conclusion = judged_as ? nb::object(object_of(*judged_as)) : nb::object(nb::none());
+  return nb::make_tuple(std::move(result.model), evidence, conclusion, std::move(state));
 }
 
 // Is it one of NumPy's truth values? NumPy 1 calls their type bool_, NumPy 2 calls it bool.

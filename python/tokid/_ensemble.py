@@ -15,6 +15,7 @@ from ._channels import Channels
 from ._errors import reading, warn, writing
 from ._held import Held
 from ._samples import core_of, describe, sizes, taken_for_one, with_remark
+from ._summary import Summary, of_channel
 from ._typing import Array, ArrayLike, IndexArray, PathLike
 
 if TYPE_CHECKING:
@@ -279,11 +280,17 @@ class Ensemble(Channels):
         """Hash of all samples, 16 hexadecimal digits. Different ensembles have different fingerprints."""
         return self._ready().fingerprint()
 
-    def summary(self) -> dict[str, _tokid.ChannelSummary]:
-        """Summarise each channel, inputs first: numbers of samples and missing samples, mean, std, min and max."""
+    def summary(self) -> Summary:
+        """Summarise each channel, inputs first: numbers of samples and missing samples, mean, std, min and max.
+
+        Returns
+        -------
+        dict of str to ChannelSummary
+            By the names of the channels. It is shown as a table.
+        """
         names = self.input_names + self.output_names
         core = self._ready()
-        return {name: core.channel_summary(c) for c, name in enumerate(names)}
+        return Summary({name: of_channel(core, c) for c, name in enumerate(names)})
 
     def _ready(self) -> _tokid.Ensemble:
         """The core without samples after the lengths of the experiments, which a user may have written there."""

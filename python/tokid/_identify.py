@@ -4,9 +4,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any, Callable, Optional, Union
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Callable, Optional, TypeVar, Union
 
 from . import _experiments, _identify_options, _options, _tokid
+from ._channels import channel_texts
 from ._ensemble import Ensemble
 from ._errors import reading, warn, writing
 from ._identify_options import IdentifyOptions
@@ -14,12 +16,14 @@ from ._model import Model, Origin, UpdateState
 from ._progress import listener
 from ._samples import with_remark
 from ._typing import ArrayLike, PathLike, Progress
-from .results import CrossValidation, NoisyChoices, Streamed
+from .results import CrossValidation, NoisyChoices, Streamed, Validation
 
 if TYPE_CHECKING:
     import pandas  # type: ignore[import-not-found, import-untyped, unused-ignore]
     import xarray  # type: ignore[import-not-found, unused-ignore]
     from typing_extensions import Unpack
+
+Named = TypeVar("Named", Validation, CrossValidation)
 
 
 def identify(
@@ -167,7 +171,7 @@ def identify(
     core, remark = _experiments.to_identify(u, y, dt, described)
     reported = core.remarks() if isinstance(u, Ensemble) else []
     with listener(progress, "identify") as listening:
-        model, evidence, state = _remarked(
+        model, evidence, verdict, state = _remarked(
             remark,
             _tokid.identify,
             core,
@@ -179,6 +183,7 @@ def identify(
             _options.page("model", "data", 10, 24),
             None if on_model is None else lambda first: on_model(Model._of(first)),
         )
+    evidence = replace(evidence, validation=_named(evidence.validation, core), verdict=verdict)
     warn(text for text in with_remark(evidence.warnings, core, remark) if text not in reported)
     kept = None if state is None else UpdateState._of(state)
     return Model._of(model, Origin(evidence.findings, evidence, state=kept))
@@ -242,7 +247,7 @@ def cross_validate(
             listener=listening,
         )
     warn(result.warnings)
-    return result
+    return _named(result, core)
 
 
 def identify_file(
@@ -308,6 +313,11 @@ def identify_file(
         )
     warn(result.identification.warnings)
     return result
+
+
+def _named(result: Named, core: _tokid.Ensemble) -> Named:
+    """The result with the names of the outputs of the data."""
+    return replace(result, output_names=channel_texts(core, "output_names"))
 
 
 def _remarked(remark: str, call: Callable[..., Any], *arguments: Any, **options: Any) -> Any:

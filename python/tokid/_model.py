@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import copy
-import html
 import os
 import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -14,7 +13,19 @@ from typing import TYPE_CHECKING, Any, Optional, Union, overload
 
 import numpy as np
 
-from . import _arrays, _control, _controller, _dataframe, _dataset, _experiments, _export, _learning, _options, _tokid
+from . import (
+    _arrays,
+    _control,
+    _controller,
+    _dataframe,
+    _dataset,
+    _display,
+    _experiments,
+    _export,
+    _learning,
+    _options,
+    _tokid,
+)
 from ._controller import Controller
 from ._ensemble import Ensemble
 from ._errors import reading, warn, writing
@@ -233,7 +244,10 @@ class Model(StateSpace):
 
     @property
     def identification(self) -> Optional[Identification]:
-        """The choices of the identification, and the evidence for them. None unless `tokid.identify` made the model."""
+        """The choices of the identification, and the evidence for them. None unless `tokid.identify` made the model.
+
+        Files of models do not contain this evidence. For a loaded model, call `validate` or `report`.
+        """
         return self._origin.identification
 
     @property
@@ -417,7 +431,7 @@ class Model(StateSpace):
             _options.integer("first_step", first_step, 0),
         )
         warn(validation.warnings)
-        return validation
+        return replace(validation, output_names=self.output_names)
 
     def experiment_fits(
         self,
@@ -800,7 +814,7 @@ class Model(StateSpace):
                 listener=listening,
             )
         warn(result.warnings)
-        return result
+        return replace(result, output_names=self.output_names)
 
     def report(
         self,
@@ -1274,7 +1288,7 @@ class Model(StateSpace):
 
     def _repr_html_(self) -> str:
         full = f", all at steps {self.full_begin} to {self.full_end - 1}" if self.steps else ""
-        rows = [
+        rows: list[_display.Row] = [
             ("states", f"n = {self.states}{full}"),
             ("inputs", ", ".join(map(named, self.input_names, self.input_units))),
             ("outputs", ", ".join(map(named, self.output_names, self.output_units))),
@@ -1283,12 +1297,8 @@ class Model(StateSpace):
         ]
         found = self.identification
         if found is not None:
-            where = "held out" if found.held_out else "training data"
-            fits = {"simulation fit": found.validation.simulation, "one-step fit": found.validation.one_step}
-            for name, fit in fits.items():
-                rows.append((name, ", ".join(f"{x:.2f} %" for x in fit.fit) + f" ({where})"))
-        cells = "".join(f"<tr><th>{html.escape(a)}</th><td>{html.escape(b)}</td></tr>" for a, b in rows)
-        return f"<table><caption>tokid.Model</caption>{cells}</table>"
+            rows += found._judgement()
+        return _display.as_html("tokid.Model", rows)
 
     # Copies, also in other processes
 

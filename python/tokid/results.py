@@ -3,38 +3,92 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any, Optional
 
 import numpy as np
 import numpy.typing as npt
 
+from . import _display
 from ._ensemble import Ensemble
+from ._samples import plural
+from ._summary import ChannelSummary as ChannelSummary
 from ._typing import Array, ComplexArray, PathLike
+
+_LINE = 100  # characters
 
 
 def _short(value: Any) -> str:
     if isinstance(value, float):
-        return f"{value:.4g}"
+        return f"{value:.3g}"
     if isinstance(value, np.ndarray):
-        if value.ndim == 1 and value.size <= 6:
+        if value.ndim == 1 and value.size <= 6 and value.dtype.kind == "f":
             return "[" + ", ".join(_short(float(x)) for x in value) + "]"
         return f"array{value.shape}"
-    if isinstance(value, (list, tuple)) and len(value) > 6:
-        return f"{type(value).__name__} of {len(value)}"
+    if isinstance(value, _Result):
+        shown = value._line()
+        return shown if len(shown) <= _LINE else f"{type(value).__name__}(…)"
+    if isinstance(value, (list, tuple, dict)):
+        shown = repr(value) if len(value) <= 6 else ""
+        return shown if 0 < len(shown) <= _LINE and "\n" not in shown else f"{type(value).__name__} of {len(value)}"
     return repr(value)
 
 
 class _Result:
-    """A result with a short repr: arrays by their shapes, numbers with four digits."""
+    """A result that is shown in a few lines, and as a table of HTML: arrays by their shapes, numbers with three digits."""
+
+    def _fields(self) -> list[tuple[str, str]]:
+        shown = (f.name for f in fields(self) if f.repr)  # type: ignore[arg-type]
+        return [(name, _short(getattr(self, name))) for name in shown]
+
+    def _line(self) -> str:
+        """The result in one line."""
+        return f"{type(self).__name__}({', '.join(f'{name}={value}' for name, value in self._fields())})"
+
+    def _rows(self) -> Sequence[_display.Row]:
+        """What is shown, for results with a page of their own."""
+        return self._fields()
 
     def __repr__(self) -> str:
-        shown = ", ".join(
-            f"{f.name}={_short(getattr(self, f.name))}"
-            for f in fields(self)  # type: ignore[arg-type]
-            if f.repr
-        )
-        return f"{type(self).__name__}({shown})"
+        own = type(self)._rows is not _Result._rows
+        line = "" if own else self._line()
+        if 0 < len(line) <= _LINE and "\n" not in line:
+            return line
+        return _display.as_text(f"tokid.{type(self).__name__}", self._rows())
+
+    def _repr_html_(self) -> str:
+        return _display.as_html(f"tokid.{type(self).__name__}", self._rows())
+
+
+def _fits(names: list[str], columns: dict[str, Fit], spreads: Optional[dict[str, Array]] = None) -> list[list[str]]:
+    """A table of fits: a row for each output, and a column for each kind of fit."""
+    table = [["output", *columns]]
+    for j in range(len(next(iter(columns.values())).fit)):
+        row = [names[j] if names else f"output {j}"]
+        for title, fit in columns.items():
+            text = _display.percent(float(fit.fit[j]))
+            spread = np.nan if spreads is None else float(spreads[title][j])
+            row.append(text if np.isnan(spread) else text.replace(" %", f" ± {spread:.2g} %"))
+        table.append(row)
+    return table
+
+
+def _columns(of: Any) -> dict[str, Fit]:
+    """The fits of a validation or a cross-validation. With a horizon of one step, two of them are the same."""
+    columns = {"simulation": of.simulation, "one step": of.one_step}
+    if not np.array_equal(of.horizon.fit, of.one_step.fit, equal_nan=True):
+        columns["horizon"] = of.horizon
+    return columns
+
+
+def _counted(numbers: list[int], noun: str) -> str:
+    """How many folds have each number: "4 in 1 fold, 6 in 3", or "4" if all have it."""
+    counts = {n: numbers.count(n) for n in sorted(set(numbers))}
+    if len(counts) == 1:
+        return str(numbers[0])
+    words = [f"{n} in {plural(count, noun) if i == 0 else count}" for i, (n, count) in enumerate(counts.items())]
+    return ", ".join(words)
 
 
 @dataclass(frozen=True)
@@ -141,6 +195,12 @@ class Finding(_Result):
     detail: str = ""
     file: str = ""
 
+    def _rows(self) -> Sequence[_display.Row]:
+        return [("kind", self.kind), (self.severity, self.text)]
+
+    def __repr__(self) -> str:  # in one line, because findings are shown in lists
+        return f"<Finding {self.kind}, {self.severity}: {self.text}>"
+
 
 class _Found(_Result):
     """A result with findings."""
@@ -151,6 +211,9 @@ class _Found(_Result):
     def warnings(self) -> list[str]:
         """The findings as sentences."""
         return [finding.text for finding in self.findings]
+
+    def _warned(self) -> list[_display.Row]:
+        return [("Warnings", f"{len(self.findings)}; the attribute warnings lists them")] if self.findings else []
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -402,6 +465,8 @@ class Validation(_Found):
     first_predicted, first_simulated : int
         First steps with a prediction and with a simulation.
     findings : list of Finding
+    output_names : list of str
+        Names (m) of the outputs.
     """
 
     simulation: Fit
@@ -419,6 +484,27 @@ class Validation(_Found):
     first_predicted: int
     first_simulated: int
     findings: list[Finding]
+    output_names: list[str] = field(default_factory=list)
+
+    def _rows(self) -> Sequence[_display.Row]:
+        rows: list[_display.Row] = [("Fit", _fits(self.output_names, _columns(self)))]
+        tested = {name: found for name, found in self.conclusions.items() if found.result != "untested"}
+        rows += [(_TESTS[name], found.text) for name, found in tested.items()]
+        if not tested:
+            rows += [("Innovations", text) for text in sorted({found.text for found in self.conclusions.values()})]
+        if self.outlying:
+            rows.append(("Outliers", f"samples of {plural(len({o.experiment for o in self.outlying}), 'experiment')}"))
+        return rows + self._warned()
+
+
+# The tests of the innovations, with the names that the tool gives them.
+_TESTS = {
+    "nis": "Innovations",
+    "whiteness": "Whiteness",
+    "independence": "Inputs",
+    "gains": "Gains",
+    "feedback": "Feedback",
+}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -823,6 +909,9 @@ class Identification(_Found):
     findings : list of Finding
     seconds : float
         Duration of the identification [s].
+    verdict : Verdict or None
+        Whether the model can be trusted: the verdict of the tool and of a report, on the experiments of `validation`.
+        None if nothing could be compared, and for an identification in blocks.
     """
 
     experiments: int
@@ -852,6 +941,42 @@ class Identification(_Found):
     dependent: list[DependentExperiment]
     findings: list[Finding]
     seconds: float
+    verdict: Optional[Verdict] = None
+
+    def _rows(self) -> Sequence[_display.Row]:
+        rows: list[_display.Row] = [
+            ("Data", f"{plural(self.experiments, 'experiment')} of {plural(self.steps, 'step')}"),
+            ("Noise", "found" if self.noisy else "none"),
+            ("Lag order", f"p = {self.lags}"),
+            ("Smoothing", self._smoothing()),
+            ("Mean motion", "removed" if self.nominal else "none removed"),
+            ("Initial state", self.initial_state_test.decision),
+            ("Feedthrough", "present" if self.feedthrough.present else "none"),
+        ]
+        if self.refinement.iterations:
+            jumps = ", ".join(str(jump.step) for jump in self.refinement.jumps)
+            jumping = f"; the matrices jump at {jumps}" if jumps else ""
+            rows.append(("Refinement", f"EM, {plural(self.refinement.iterations, 'iteration')}{jumping}"))
+        if self.outliers:
+            rows.append(("Outliers", plural(len(self.outliers), "experiment")))
+        unused = sum(len(group) - 1 for group in self.copies) + len(self.dependent)
+        if unused:
+            rows.append(("Not used", f"{plural(unused, 'experiment')}: copies or sums of others"))
+        return rows + self._judgement() + self._warned()
+
+    def _smoothing(self) -> str:
+        period, smoothing = self.variation.period, self.variation.smoothing
+        if period == 1 or smoothing == np.inf:
+            return "one model for all steps"
+        over = f"over {period} steps of a period" if period else "over time"
+        return f"λ = {smoothing:.3g} {over}" if smoothing else "none"
+
+    def _judgement(self) -> list[_display.Row]:
+        """Fits and verdict."""
+        where = "on experiments held out" if self.held_out else "on the training data"
+        found = self.validation
+        rows: list[_display.Row] = [("Fit", where), ("", _fits(found.output_names, _columns(found)))]
+        return rows + ([] if self.verdict is None else list(self.verdict._rows()))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -970,6 +1095,8 @@ class CrossValidation(_Found):
         Standard deviations of the fits of the folds [%].
     findings : list of Finding
         Findings of all folds, each one once.
+    output_names : list of str
+        Names (m) of the outputs.
     """
 
     folds: list[Fold]
@@ -980,6 +1107,21 @@ class CrossValidation(_Found):
     one_step_spread: Array
     horizon_spread: Array
     findings: list[Finding]
+    output_names: list[str] = field(default_factory=list)
+
+    def _rows(self) -> Sequence[_display.Row]:
+        states, lags = ([getattr(fold, name) for fold in self.folds] for name in ("states", "lags"))
+        counts = f"n = {_counted(states, 'fold')}; p = {_counted(lags, 'fold')}"
+        spreads = {
+            "simulation": self.simulation_spread,
+            "one step": self.one_step_spread,
+            "horizon": self.horizon_spread,
+        }
+        rows: list[_display.Row] = [
+            ("Folds", f"K = {len(self.folds)}, {counts}"),
+            ("Fit", _fits(self.output_names, _columns(self), spreads)),
+        ]
+        return rows + self._warned()
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -1427,6 +1569,10 @@ class Verdict(_Result):
     reasons: list[str]
     checks: list[VerdictCheck]
     horizon: int
+
+    def _rows(self) -> Sequence[_display.Row]:
+        reasons = [("", f"- {reason}") for reason in self.reasons]
+        return [("Verdict", self.trust), ("", self.summary), *reasons]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
