@@ -542,7 +542,7 @@ BAD = {
     ),
     "no rows": ({"u1": [], "y1": []}, {}, "no rows found, samples needed"),
     "endless": ({"u1": [np.inf], "y1": [1.0]}, {}, "input u1: infinite value in experiment 0 at step 0"),
-    "names for one": ({"u1": [1.0]}, {"inputs": "u1"}, "inputs: 'u1' found, a list of columns needed"),
+    "another name": ({"u1": [1.0]}, {"inputs": "u2"}, "no column 'u2' found among 'u1'"),
     "no time": ({"time": [0, 1], "u1": [1.0, 2.0]}, {"dt": 0.0}, "dt: 0 found, a positive time in seconds needed"),
 }
 

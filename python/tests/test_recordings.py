@@ -161,6 +161,22 @@ def test_datasets():
     np.testing.assert_array_equal(both.u[:, :10, 0], [np.arange(2.0, 12.0)] * 2)
 
 
+def test_one_text_is_a_list_of_one(tmp_path):
+    words = pd.DataFrame({"time": T, "valve": T, "T": [*map(str, T[:11]), "Schlecht"]})
+    words.to_csv(tmp_path / "run.csv", index=False)
+    listed = {"inputs": ["valve"], "outputs": ["T"], "missing": ["Schlecht"]}
+    single = {name: words for name, (words,) in listed.items()}
+    with pytest.raises(tokid.IoError, match="a number needed; missing='Schlecht' reads it as a missing sample"):
+        tokid.Ensemble.load(tmp_path / "run.csv", inputs="valve", outputs="T")
+    for read in (lambda **o: tokid.load(tmp_path / "run.csv", **o), lambda **o: tokid.Ensemble.from_dataframe(words, **o)):
+        data = read(**single)
+        assert data.missing == 1 and data.fingerprint == read(**listed).fingerprint
+        assert (data.input_names, data.output_names) == (["valve"], ["T"])
+    plain = tokid.Ensemble.from_dataframe(pd.DataFrame({"u1": T, "u2": T}), inputs="u1", outputs="u2")
+    assert (plain.input_names, plain.output_names) == (["u1"], ["u2"])
+    assert tokid.Ensemble(np.ones((2, 3, 1)), input_names="force").input_names == ["force"]
+
+
 @pytest.mark.parametrize(
     "options, text",
     [
@@ -170,7 +186,6 @@ def test_datasets():
         ({"before": 2}, "before: no trigger found"),
         ({"resample": -1.0}, "resample: "),
         ({"longest_gap": 0}, "longest_gap: "),
-        ({"missing": "Bad"}, "missing: 'Bad' found, a list of texts needed"),
         ({"dt": 0.1, "resample": 0.1}, "dt: a sample time found"),
     ],
 )

@@ -5,14 +5,14 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Optional
+from typing import Any, Optional, Union
 
 import numpy as np
 
 from . import _options, _tokid
 from ._channels import channel_texts
 from ._optional import need
-from ._samples import describe, experiment_names, label, labels_of
+from ._samples import describe, experiment_names, label, labels_of, one_or_more
 from ._time_grid import Grid, seconds, text_of
 from ._typing import Array, ArrayLike
 
@@ -123,16 +123,13 @@ class _Table:
             columns.append(column)
         return columns
 
-    def channels(self, name: str, wanted: Optional[Sequence[Any]], prefix: str, taken: Sequence[Any]) -> list[int]:
+    def channels(self, name: str, wanted: Sequence[str], prefix: str, taken: Sequence[str]) -> list[int]:
         """The wanted columns; else those in the notes of the table; else those whose names have the prefix."""
-        if isinstance(wanted, str):
-            raise ValueError(f"{name}s: {wanted!r} found, a list of columns needed")
-        if wanted is not None and len(wanted):
-            return self.named([str(label) for label in wanted])
+        if wanted:
+            return self.named(wanted)
         if noted := noted_names(self.notes, self.names, name):
             return self.named(noted)
-        others = {str(label) for label in taken}
-        return self.named([n for n in self.names if n.startswith(prefix) and n not in _RESERVED and n not in others])
+        return self.named([n for n in self.names if n.startswith(prefix) and n not in _RESERVED and n not in taken])
 
     def series(self, column: int) -> Any:
         return self._table.iloc[:, column]
@@ -297,8 +294,8 @@ def _common_steps(steps: Array, experiment: Any, names: list[Any], column: str) 
 def from_dataframe(
     data: Any,
     *,
-    inputs: Optional[Sequence[Any]] = None,
-    outputs: Optional[Sequence[Any]] = None,
+    inputs: Union[str, Sequence[Any], None] = None,
+    outputs: Union[str, Sequence[Any], None] = None,
     dt: Optional[float] = None,
     outputs_required: bool = False,
     **described: Any,
@@ -310,8 +307,9 @@ def from_dataframe(
     table = _Table(data, dt is None)
     notes = table.notes
     experiment = table.find("experiment")
-    u = table.channels("input", inputs, "u", () if outputs is None else outputs)
-    y = table.channels("output", outputs, "y", () if inputs is None else inputs)
+    of_inputs, of_outputs = one_or_more(inputs), one_or_more(outputs)
+    u = table.channels("input", of_inputs, "u", of_outputs)
+    y = table.channels("output", of_outputs, "y", of_inputs)
     for column in u:
         if column in y:
             raise ValueError(f"column '{table.names[column]}' is listed both as an input and as an output. List it only once")

@@ -154,11 +154,11 @@ class Ensemble(Channels):
         cls,
         path: Union[PathLike, Sequence[PathLike]],
         *,
-        inputs: Sequence[str] = (),
-        outputs: Sequence[str] = (),
+        inputs: Union[str, Sequence[str]] = (),
+        outputs: Union[str, Sequence[str]] = (),
         outputs_required: bool = False,
         time: Optional[str] = None,
-        missing: Sequence[str] = (),
+        missing: Union[str, Sequence[str]] = (),
         dates: Optional[str] = None,
         dt: Optional[float] = None,
         trigger: Optional[str] = None,
@@ -175,14 +175,14 @@ class Ensemble(Channels):
             The file; its extension determines the format. A folder is all .csv files in it, a pattern such as
             ``"runs/*.csv"`` all files that match. The files are sorted by name, run2 before run10, and name the
             experiments.
-        inputs, outputs : sequence of str, optional
+        inputs, outputs : str or sequence of str, optional
             Columns of a .csv that are inputs and outputs; by default those whose names begin with u and y.
         outputs_required : bool, default False
             Refuse a file without outputs.
         time : str, optional
             The column of a .csv with the times; by default found by its name, or by its time stamps.
-        missing : sequence of str, optional
-            Words in a .csv that stand for a missing sample, besides Bad, ---, NaN, null and others.
+        missing : str or sequence of str, optional
+            Word or words in a .csv that stand for a missing sample, besides Bad, ---, NaN, null and others.
         dates : {"day-first", "month-first"}, optional
             Order of the numbers in dates of a .csv such as 03/04/2026; by default as the dates of the column show.
         dt : float, optional
@@ -391,8 +391,8 @@ class Ensemble(Channels):
         cls,
         data: Union[pandas.DataFrame, Mapping[Any, pandas.DataFrame], Sequence[pandas.DataFrame]],
         *,
-        inputs: Optional[Sequence[Any]] = None,
-        outputs: Optional[Sequence[Any]] = None,
+        inputs: Union[str, Sequence[Any], None] = None,
+        outputs: Union[str, Sequence[Any], None] = None,
         dt: Optional[float] = None,
         length: Optional[ArrayLike] = None,
         free_y: Optional[ArrayLike] = None,
@@ -420,7 +420,7 @@ class Ensemble(Channels):
 
             A dict or a list of tables has an experiment in each of them, as a folder of .csv files has. The keys of the
             dict name the experiments.
-        inputs, outputs : sequence, optional
+        inputs, outputs : str or sequence, optional
             Columns that are inputs and outputs; by default all columns whose names begin with u and y, such as ``uid``
             and ``year``.
         dt : float, optional
@@ -492,8 +492,8 @@ class Ensemble(Channels):
         output_units: Optional[Sequence[str]] = None,
         experiment_names: Optional[Iterable[Any]] = None,
         outputs_required: bool = False,
-        inputs: Optional[Sequence[Any]] = None,
-        outputs: Optional[Sequence[Any]] = None,
+        inputs: Union[str, Sequence[Any], None] = None,
+        outputs: Union[str, Sequence[Any], None] = None,
         **recorded: Any,
     ) -> Self:
         """Make an ensemble from an `xarray.Dataset` with the names that `to_xarray` uses, or from recorded variables.
@@ -518,7 +518,7 @@ class Ensemble(Channels):
             As in the constructor. They replace the values of the dataset.
         outputs_required : bool, default False
             Reject a dataset without outputs.
-        inputs, outputs : sequence, optional
+        inputs, outputs : str or sequence, optional
             Variables that are inputs and outputs, where each channel is a variable.
         **recorded
             The options ``time``, ``missing``, ``dates``, ``trigger``, ``before``, ``resample``, ``resample_method`` and

@@ -17,8 +17,8 @@ from ._typing import PathLike
 def load(
     path: Union[PathLike, Sequence[PathLike]],
     *,
-    inputs: Sequence[str] = (),
-    outputs: Sequence[str] = (),
+    inputs: Union[str, Sequence[str]] = (),
+    outputs: Union[str, Sequence[str]] = (),
     **recorded: Any,
 ) -> Union[Ensemble, Model]:
     """Read an ensemble or a model, depending on the content of the file.
@@ -30,7 +30,7 @@ def load(
     path : path, or sequence of paths
         A .npz, .h5 or .mat, or a .csv with an ensemble. A folder, a pattern such as ``"runs/*.csv"`` and a list of .csv
         files are an ensemble with an experiment in each file.
-    inputs, outputs : sequence of str, optional
+    inputs, outputs : str or sequence of str, optional
         Columns of a .csv that are inputs and outputs; by default those whose names begin with u and y.
     **recorded
         The options of `Ensemble.load` about .csv files: ``time``, ``missing``, ``dates``, ``dt``, ``trigger``,

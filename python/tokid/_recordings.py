@@ -12,13 +12,13 @@ import re
 import sys
 import tempfile
 from collections.abc import Mapping, Sequence
-from typing import Any, Optional
+from typing import Any, Optional, Union
 
 import numpy as np
 
 from . import _dataframe, _options, _tokid
 from ._channels import channel_texts
-from ._samples import describe, experiment_names
+from ._samples import describe, experiment_names, one_or_more
 
 METHODS = {
     "linear": _tokid.ResampleMethod.linear,
@@ -30,11 +30,11 @@ DATES = {"day-first": _tokid.DateOrder.day_first, "month-first": _tokid.DateOrde
 
 def read_options(
     *,
-    inputs: Optional[Sequence[Any]] = None,
-    outputs: Optional[Sequence[Any]] = None,
+    inputs: Union[str, Sequence[Any], None] = None,
+    outputs: Union[str, Sequence[Any], None] = None,
     outputs_required: bool = False,
     time: Optional[str] = None,
-    missing: Sequence[Any] = (),
+    missing: Union[str, Sequence[Any]] = (),
     dates: Optional[str] = None,
     dt: Optional[float] = None,
     trigger: Optional[str] = None,
@@ -44,15 +44,12 @@ def read_options(
     longest_gap: Optional[int] = None,
 ) -> _tokid.ReadOptions:
     """The options of the reader of files. See `Ensemble.load`."""
-    for name, words in (("inputs", inputs), ("outputs", outputs), ("missing", missing)):
-        if isinstance(words, str):
-            raise ValueError(f"{name}: {words!r} found, a list of texts needed")
     options = _tokid.ReadOptions()
-    options.inputs = [str(name) for name in inputs or ()]
-    options.outputs = [str(name) for name in outputs or ()]
+    options.inputs = one_or_more(inputs)
+    options.outputs = one_or_more(outputs)
     options.outputs_required = bool(outputs_required)
     options.time = time or ""
-    options.missing = [str(word) for word in missing]
+    options.missing = one_or_more(missing)
     if dates is not None:
         options.dates = _options.choice("dates", dates, DATES)
     options.dt = None if dt is None else _options.real("dt", dt, 0.0)

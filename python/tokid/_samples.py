@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Any, Optional
+from typing import Any, Optional, Union
 
 import numpy as np
 
@@ -162,6 +162,11 @@ def describe(
         core.experiment_names = [label(name) for name in experiment_names]
 
 
+def one_or_more(values: Union[str, Iterable[Any], None]) -> list[str]:
+    """The texts of an argument that may be one text, or several, or None."""
+    return [values] if isinstance(values, str) else [str(value) for value in (() if values is None else values)]
+
+
 def name_channels(
     core: Any,
     input_names: Optional[Sequence[str]],
@@ -177,8 +182,8 @@ def name_channels(
         ("output_units", output_units, core.outputs),
     ):
         if texts is not None:
-            listed = [texts] if isinstance(texts, str) else list(texts)
-            if isinstance(texts, str) or len(listed) != count:
+            listed = one_or_more(texts)
+            if len(listed) != count:
                 found = repr(texts) if isinstance(texts, str) else f"{plural(len(listed), 'text')}"
                 raise ValueError(f"{name}: {found} found, a list of {plural(count, 'text')} needed")
-            setattr(core, name, [str(text) for text in listed])
+            setattr(core, name, listed)
