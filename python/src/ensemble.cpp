@@ -9,6 +9,7 @@
 #include "call.hpp"
 #include "data/axes.hpp"
 #include "tokid/remarks.hpp"
+#include "words.hpp"
 
 namespace tokid::python {
 
@@ -74,12 +75,13 @@ void bind_ensemble(nb::module_& module) {
       .def_rw("dt_stated", &Ensemble::dt_stated)
       .def_rw("reader_remarks", &Ensemble::remarks)
       .def(
-          "remarks", [](const Ensemble& e) { return in_words(remarks(e)); }, nb::call_guard<nb::gil_scoped_release>())
+          "remarks", [](const Ensemble& e) { return in_python(in_words(remarks(e))); },
+          nb::call_guard<nb::gil_scoped_release>())
       .def(
           "swapped_axes",
           [](const Ensemble& e) -> std::optional<std::string> {
             const std::optional<Finding> found = swapped_axes(e);
-            return found ? std::optional(in_words(*found)) : std::nullopt;
+            return found ? std::optional(in_python(in_words(*found))) : std::nullopt;
           },
           nb::call_guard<nb::gil_scoped_release>())
       .def_prop_rw(

@@ -254,7 +254,7 @@ void bind_model(nb::module_& module) {
       .def(
           "simulation_remarks",
           [](const Model& model, const Ensemble& inputs, const Ensemble& simulated, bool estimate) {
-            return in_words(simulation_remarks(model, inputs, simulated, estimate));
+            return in_python(in_words(simulation_remarks(model, inputs, simulated, estimate)));
           },
           nb::arg("inputs"), nb::arg("simulated"), nb::arg("estimate"), nb::call_guard<nb::gil_scoped_release>())
       .def(
@@ -268,7 +268,7 @@ void bind_model(nb::module_& module) {
       .def(
           "prediction_remarks",
           [](const Model& model, const Ensemble& data, const Ensemble& predicted) {
-            return in_words(prediction_remarks(model, data, predicted));
+            return in_python(in_words(prediction_remarks(model, data, predicted)));
           },
           nb::arg("data"), nb::arg("predicted"), nb::call_guard<nb::gil_scoped_release>())
       .def(
@@ -283,7 +283,8 @@ void bind_model(nb::module_& module) {
              return array_of(without_gil([&] { return Matrix(estimate_state(model, data, k, window)); }));
            })
       .def("estimation_window", &estimation_window)
-      .def("differences", [](const Model& model, const Ensemble& data) { return in_words(differences(model, data)); })
+      .def("differences",
+           [](const Model& model, const Ensemble& data) { return in_python(in_words(differences(model, data))); })
       .def("in_order",
            [](const Model& model, const Ensemble& data) {
              return without_gil([&] { return in_order(data, complete(model.names, model.inputs, model.outputs)); });

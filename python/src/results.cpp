@@ -2,6 +2,7 @@
 #include "results.hpp"
 
 #include "arrays.hpp"
+#include "words.hpp"
 
 namespace tokid::python {
 
@@ -212,7 +213,7 @@ nb::any object_of(const Finding& f) {
                           {"experiments", objects_of(f.experiments)},
                           {"steps", f.steps},
                           {"numbers", dict_of(f.numbers)},
-                          {"text", in_words(f)},
+                          {"text", in_python(in_words(f))},
                           {"terms", objects_of(f.terms)},
                           {"groups", nb::object(groups)},
                           {"names", texts(f.names)},
