@@ -39,7 +39,7 @@ def test_pages(page, tmp_path, monkeypatch):
 
 
 def test_pages_are_found():
-    assert {"python", "control", "modes"} <= {page.stem for page in PAGES}
+    assert {"python", "control", "modes", "robot-control"} <= {page.stem for page in PAGES}
 
 
 def test_readme(tmp_path, monkeypatch, capsys):
