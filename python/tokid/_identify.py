@@ -140,7 +140,8 @@ def identify(
     Returns
     -------
     Model
-        Its `identification` has the evidence for every choice. Its `warnings` are also issued as `TokidWarning`.
+        Its `identification` has the verdict, and the evidence for every choice. Its `warnings` are also issued as
+        `TokidWarning`.
 
     Raises
     ------
