@@ -8,6 +8,7 @@
 #include "io/formats/provenance_text.hpp"
 #include "model/step_fields.hpp"
 #include "results.hpp"
+#include "words.hpp"
 
 namespace tokid::python {
 

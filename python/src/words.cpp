@@ -3,6 +3,7 @@
 
 #include <array>
 #include <regex>
+#include <utility>
 
 namespace tokid::python {
 
@@ -24,7 +25,7 @@ const std::array<Wording, 12>& wordings() {
       {std::regex("--period P"), "period=P"},
       {std::regex("--weighting one-step or many-steps"), "weighting='one-step' or 'many-steps'"},
       {std::regex("--(method|dates) ([a-z]+(-first)?)"), "$1='$2'"},
-      {std::regex("call with --block all"), "call tokid.identify"},
+      {std::regex("(call|identify) with --block all"), "call tokid.identify"},
       {std::regex("(tokid )?identify --state"), "tokid.identify(keep_state=True)"},
       {std::regex("(tokid )?identify --resume"), "tokid.identify_file(resume=True)"},
       {std::regex("--(experiments|lags|trigger)"), "$1"},

@@ -287,7 +287,9 @@ def test_fits_of_experiments_and_steps(model, data):
     assert late.one_step.samples == len(data.y) * (data.y.shape[1] - 5)
     cross = model.cross_validate(data, folds=2, first_step=5)
     assert cross.one_step.samples == late.one_step.samples
-    assert model.report(data, first_step=5).checks[0].figures[0].values == list(late.simulation.fit)
+    checks = {check.name: check for check in model.report(data, first_step=5).checks}
+    (fits_of_report,) = [figure for figure in checks["simulation_fit"].figures if figure.name == "fit"]
+    assert fits_of_report.values.tolist() == late.simulation.fit.tolist()
     for call in (model.validate, model.experiment_fits, model.cross_validate, model.report):
         with pytest.raises(ValueError, match="first_step: 30 found, 0 to 29 needed"):
             call(data, first_step=30)

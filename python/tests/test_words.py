@@ -20,6 +20,7 @@ WORDS = {
     "--dates day-first or --dates month-first": "dates='day-first' or dates='month-first'",
     "use --weighting one-step or many-steps": "use weighting='one-step' or 'many-steps'",
     "Try --method subspace or --lags": "Try method='subspace' or lags",
+    "Delete them, or identify with --block all": "Delete them, or call tokid.identify",
     "column 'a--b' found": "column 'a--b' found",
 }
 

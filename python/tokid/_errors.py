@@ -65,7 +65,7 @@ def writing(path: Any) -> Iterator[str]:
 
 
 class TokidWarning(UserWarning):
-    """A finding that the user should know, with the same text as a warning of the tool."""
+    """A finding that the user should know, with the text of a warning of the tool and the arguments of Python."""
 
 
 def warn(texts: Iterable[str]) -> None:
