@@ -562,7 +562,7 @@ constexpr Entry table[] = {
      }},
     {Kind::free_responses_partial, "free_responses_partial", warning,
      [](const Finding& f) {
-       return fmt::format("the {} free responses show all {} states only from step {} on, not from step {} on",
+       return fmt::format("the {} free responses show all {} states only from step {} on. They should show them from step {} on",
                           count(f, "count"), count(f, "states"), count(f, "step"), count(f, "wanted"));
      }},
     {Kind::no_states, "no_states", warning,
@@ -608,7 +608,7 @@ constexpr Entry table[] = {
     {Kind::uncertain_ahead, "uncertain_ahead", warning,
      [](const Finding& f) {
        return fmt::format(
-           "in cross-validation, the errors of predictions {} steps ahead are {} times as large as the models state. There are too few experiments for a system that varies like this, or the noise is not white. Use more experiments, and test long predictions and controllers on other data",
+           "in cross-validation, the errors of predictions {} steps ahead are {} times as large as the covariances of the models say. There are too few experiments for a system that varies like this, or the noise is not white. Use more experiments, and test long predictions and controllers on other data",
            count(f, "horizon"), words::figure(number(f, "ratio"), 2));
      }},
     {Kind::model_errs_ahead, "model_errs_ahead", warning,
@@ -841,7 +841,7 @@ constexpr Entry table[] = {
     {Kind::plan_late_forecasts, "plan_late_forecasts", note,
      [](const Finding& f) {
        return fmt::format(
-           "the model begins at step {}, so windows before step {} are neither forecast nor optimised. The forecasts of the later windows assume a zero state at step {}",
+           "the model begins at step {}, so tokid computes no forecasts and no optimal inputs for the windows before step {}. The forecasts of the later windows assume a zero state at step {}",
            count(f, "step"), count(f, "first"), count(f, "step"));
      }},
     {Kind::plan_unknown_states, "plan_unknown_states", note,
