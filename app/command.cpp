@@ -81,8 +81,8 @@ std::string words_of(const std::vector<fs::path>& paths) {
 std::string words_of(const ReadOptions& options) {
   const ReadOptions defaults;
   // All fields, so that a new one is an error here. outputs_required and wanted have no option.
-  const auto& [inputs, outputs, outputs_required, wanted, time, missing, dates, dt, trigger, before, resample,
-               resample_method, longest_gap] = options;
+  const auto& [inputs, outputs, outputs_required, wanted, time, experiment, missing, dates, dt, trigger, before,
+               resample, resample_method, held, longest_gap] = options;
   std::string text;
   const auto add = [&text](const char* name, const std::string& value) {
     text += fmt::format(" {} {}", name, word(value));
@@ -93,6 +93,7 @@ std::string words_of(const ReadOptions& options) {
   add_list("--inputs", inputs);
   add_list("--outputs", outputs);
   if (!time.empty()) add("--time", time);
+  if (!experiment.empty()) add("--experiment", experiment);
   add_list("--missing", missing);
   if (dates != defaults.dates) add("--dates", word_for(date_orders(), dates));
   if (dt) add("--dt", fmt::format("{}", *dt));
@@ -101,6 +102,7 @@ std::string words_of(const ReadOptions& options) {
   if (resample) add("--resample", fmt::format("{}", *resample));
   if (resample_method != defaults.resample_method)
     add("--resample-method", word_for(resample_methods(), resample_method));
+  add_list("--held", held);
   if (longest_gap) add("--longest-gap", fmt::format("{}", *longest_gap));
   return text;
 }
@@ -145,6 +147,10 @@ void Command::columns(ReadOptions& options) {
   text(
       "--time", "NAME", "Column of a .csv with the times (default: by names such as time and t, or by time stamps)",
       [&options](const std::string& name) { return !(options.time = name).empty(); }, "the name of a column needed");
+  text(
+      "--experiment", "NAME", "Column of a .csv that names the experiments (default: experiment)",
+      [&options](const std::string& name) { return !(options.experiment = name).empty(); },
+      "the name of a column needed");
   add("--missing", options.missing, "WORD,...", word,
       "Words in a .csv that stand for a missing sample, besides Bad, ---, NaN, null and others");
   choice("--dates", options.dates, date_orders(),
@@ -166,9 +172,11 @@ void Command::columns(ReadOptions& options) {
   value("--resample", options.resample, "SECONDS", "Resample a .csv to a common time grid with this sample time",
         seconds, "a positive sample time in seconds needed");
   choice("--resample-method", options.resample_method, resample_methods(), "Method of --resample (default linear)");
+  add("--held", options.held, "A,B,...", name_of_column,
+      "Channels of a .csv that hold their value until the next sample: --resample repeats their last sample");
   value(
       "--longest-gap", options.longest_gap, "STEPS",
-      "Longest gap that --resample fills (default 3; no limit with the method previous)",
+      "Longest gap that --resample fills (default 3; no limit for --held and the method previous)",
       [](const std::string& steps) -> std::optional<std::optional<std::int64_t>> {
         const auto gap = parse_number<std::int64_t>(steps, 1, 1'000'000'000);
         return gap ? std::optional(gap) : std::nullopt;

@@ -51,6 +51,7 @@ struct ReadOptions {
   Channels wanted = {};
   // Of .csv files alone:
   std::string time = {};                  // the column of times; empty: found by its name or its time stamps
+  std::string experiment = {};            // the column that names the experiments; empty: the column `experiment`
   std::vector<std::string> missing = {};  // more words that stand for a missing sample, such as "-999"
   DateOrder dates = DateOrder::automatic;
   // Sample time [s]. Times that lie up to a tenth of a step beside their step are moved to it, and a remark states the
@@ -62,8 +63,11 @@ struct ReadOptions {
   std::int64_t before = 0;              // steps that are kept before the trigger, ≥ 0
   std::optional<double> resample = {};  // sample time of a new common grid [s]; empty: the samples stay
   ResampleMethod resample_method = ResampleMethod::linear;
-  // Steps: longer gaps are not filled by resampling, ≥ 1. Empty: 3, or no limit for the method previous, because a
-  // channel that is logged at its changes holds its value until the next one.
+  // Channels that hold their value between two samples, such as switched valves. They are resampled by the method
+  // previous, whatever the method of the others.
+  std::vector<std::string> held = {};
+  // Steps: longer gaps are not filled by resampling, ≥ 1. Empty: 3, or no limit for held channels and the method
+  // previous, because a channel that is logged at its changes holds its value until the next one.
   std::optional<std::int64_t> longest_gap = {};
 };
 

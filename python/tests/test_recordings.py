@@ -67,6 +67,19 @@ def test_trigger_and_resampling_of_tables():
     np.testing.assert_allclose(fine.y[0, :, 0], 17 + np.arange(23) / 2, rtol=0, atol=1e-12)
 
 
+def test_columns_of_experiments_and_held_channels(tmp_path):
+    long = pd.concat([table(3).assign(run=name) for name in ("a", "b")])
+    with pytest.raises(ValueError, match=r"column 'run' may name the experiments: state it \(option experiment\)"):
+        tokid.Ensemble.from_dataframe([long], **CHANNELS)
+    data = tokid.Ensemble.from_dataframe(long, **CHANNELS, experiment="run")
+    assert data.experiment_names == ["a", "b"]
+    long.to_csv(tmp_path / "long.csv", index=False)
+    assert tokid.load(tmp_path / "long.csv", **CHANNELS, experiment="run").fingerprint == data.fingerprint
+    held = tokid.Ensemble.load(tmp_path / "long.csv", **CHANNELS, experiment="run", resample=0.05, held=["valve"])
+    np.testing.assert_array_equal(held.u[0, :, 0], np.where(np.arange(23) < 6, 0.0, 60.0))
+    np.testing.assert_allclose(held.y[0, :, 0], 17 + np.arange(23) / 2, rtol=0, atol=1e-12)
+
+
 def test_words_and_times_in_tables():
     run = table(3).astype({"T [degC]": object})
     run.loc[4, "T [degC]"] = "I/O Timeout"
@@ -127,7 +140,7 @@ def test_names_of_tables(recwarn):
     assert two.experiment_names == ["x/run10", "x/run9", "table0/run10", "table0/run9"]
     assert tokid.Ensemble.from_dataframe({"only": table(3)}, **CHANNELS).experiment_names == ["only"]
     idle = table(3).assign(**{"valve [%]": 0.0})
-    with pytest.warns(tokid.TokidWarning, match="it never holds in experiment 'b', which was dropped"):
+    with pytest.warns(tokid.TokidWarning, match="never holds in experiment 'b', so this experiment was dropped"):
         tokid.Ensemble.from_dataframe({"a": table(3), "b": idle}, **CHANNELS, trigger="valve > 50")
     assert not any("recorded_table" in str(warning.message) for warning in recwarn)
 
@@ -186,6 +199,7 @@ def test_one_text_is_a_list_of_one(tmp_path):
         ({"before": 2}, "before: no trigger found"),
         ({"resample": -1.0}, "resample: "),
         ({"longest_gap": 0}, "longest_gap: "),
+        ({"held": ["valve"]}, "held: no resample found"),
         ({"dt": 0.1, "resample": 0.1}, "dt: a sample time found"),
     ],
 )

@@ -158,6 +158,7 @@ class Ensemble(Channels):
         outputs: Union[str, Sequence[str]] = (),
         outputs_required: bool = False,
         time: Optional[str] = None,
+        experiment: Optional[str] = None,
         missing: Union[str, Sequence[str]] = (),
         dates: Optional[str] = None,
         dt: Optional[float] = None,
@@ -165,6 +166,7 @@ class Ensemble(Channels):
         before: int = 0,
         resample: Optional[float] = None,
         resample_method: str = "linear",
+        held: Union[str, Sequence[str]] = (),
         longest_gap: Optional[int] = None,
     ) -> Self:
         """Read an ensemble from .npz, .h5, .mat or .csv, or from many .csv files with an experiment each.
@@ -181,6 +183,8 @@ class Ensemble(Channels):
             Refuse a file without outputs.
         time : str, optional
             The column of a .csv with the times; by default found by its name, or by its time stamps.
+        experiment : str, optional
+            The column of a .csv that names the experiments; by default the column ``experiment``.
         missing : str or sequence of str, optional
             Word or words in a .csv that stand for a missing sample, besides Bad, ---, NaN, null and others.
         dates : {"day-first", "month-first"}, optional
@@ -197,9 +201,12 @@ class Ensemble(Channels):
             Sample time [s] of a common grid on which the samples of a .csv are brought.
         resample_method : {"linear", "previous", "mean"}
             By interpolation, as the last sample, or as the mean of the samples within half a step.
+        held : str or sequence of str, optional
+            Channels that hold their value between two samples, such as switched valves. They are resampled by the
+            method previous, whatever the method of the others.
         longest_gap : int, optional
             Steps of the longest gap that resampling fills. Longer gaps are missing samples. By default 3, or no limit
-            for the method previous, because a channel that is logged at its changes holds its value.
+            for held channels and the method previous, because a channel that is logged at its changes holds its value.
 
         Raises
         ------
@@ -218,6 +225,7 @@ class Ensemble(Channels):
             outputs=outputs,
             outputs_required=outputs_required,
             time=time,
+            experiment=experiment,
             missing=missing,
             dates=dates,
             dt=dt,
@@ -225,6 +233,7 @@ class Ensemble(Channels):
             before=before,
             resample=resample,
             resample_method=resample_method,
+            held=held,
             longest_gap=longest_gap,
         )
         if isinstance(path, (str, bytes, os.PathLike)) or not isinstance(path, Iterable):
@@ -430,8 +439,8 @@ class Ensemble(Channels):
         outputs_required : bool, default False
             Reject a table without outputs.
         **recorded
-            The options ``time``, ``missing``, ``dates``, ``trigger``, ``before``, ``resample``, ``resample_method`` and
-            ``longest_gap`` of `load`.
+            The options ``time``, ``experiment``, ``missing``, ``dates``, ``trigger``, ``before``, ``resample``,
+            ``resample_method``, ``held`` and ``longest_gap`` of `load`.
 
         Returns
         -------
@@ -521,8 +530,8 @@ class Ensemble(Channels):
         inputs, outputs : str or sequence, optional
             Variables that are inputs and outputs, where each channel is a variable.
         **recorded
-            The options ``time``, ``missing``, ``dates``, ``trigger``, ``before``, ``resample``, ``resample_method`` and
-            ``longest_gap`` of `load`, where each channel is a variable.
+            The options ``time``, ``experiment``, ``missing``, ``dates``, ``trigger``, ``before``, ``resample``,
+            ``resample_method``, ``held`` and ``longest_gap`` of `load`, where each channel is a variable.
 
         Returns
         -------

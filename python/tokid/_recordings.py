@@ -34,6 +34,7 @@ def read_options(
     outputs: Union[str, Sequence[Any], None] = None,
     outputs_required: bool = False,
     time: Optional[str] = None,
+    experiment: Optional[str] = None,
     missing: Union[str, Sequence[Any]] = (),
     dates: Optional[str] = None,
     dt: Optional[float] = None,
@@ -41,6 +42,7 @@ def read_options(
     before: int = 0,
     resample: Optional[float] = None,
     resample_method: str = "linear",
+    held: Union[str, Sequence[Any]] = (),
     longest_gap: Optional[int] = None,
 ) -> _tokid.ReadOptions:
     """The options of the reader of files. See `Ensemble.load`."""
@@ -49,6 +51,7 @@ def read_options(
     options.outputs = one_or_more(outputs)
     options.outputs_required = bool(outputs_required)
     options.time = time or ""
+    options.experiment = experiment or ""
     options.missing = one_or_more(missing)
     if dates is not None:
         options.dates = _options.choice("dates", dates, DATES)
@@ -57,6 +60,7 @@ def read_options(
     options.before = _options.integer("before", before, 0)
     options.resample = None if resample is None else _options.real("resample", resample, 0.0)
     options.resample_method = _options.choice("resample_method", resample_method, METHODS)
+    options.held = one_or_more(held)
     options.longest_gap = None if longest_gap is None else _options.integer("longest_gap", longest_gap, 1)
     return options
 

@@ -311,6 +311,11 @@ def _(folder, tokid):
     return csv(folder, [0.1 * np.arange(30), 100 + 0.1 * np.arange(30)])
 
 
+@case("uneven times")
+def _(folder, tokid):
+    return csv(folder, [np.array([0, 60, 97, 180, 240, 300, 360, 420, 480.0])])
+
+
 @case("times that jitter")
 def _(folder, tokid):
     rng = np.random.default_rng(2)
@@ -359,6 +364,44 @@ def _(folder, tokid):
     file = csv(folder, [0.1 * np.arange(30)] * 2)[1]
     file.write_text(re.sub("^([^,]*),[^,]*", r"\1", file.read_text(), flags=re.MULTILINE))
     return ["info", file]
+
+
+@case("experiments in a column with another name")
+def _(folder, tokid):
+    rows = "".join(f"{k},{n},{k % 7},{k % 5}\n" for n in range(2) for k in range(160))
+    (folder / "data.csv").write_text("time,run,u1,y1\n" + rows)
+    return ["info", folder / "data.csv"]
+
+
+def texts(folder, title, *cells):
+    rows = "".join(f"{k},1,2,{cell}\n" for k, cell in enumerate(cells))
+    (folder / "data.csv").write_text(f"time,u1,y1,{title}\n" + rows)
+    return ["info", folder / "data.csv"]
+
+
+@case("a trigger with a number on a column of texts")
+def _(folder, tokid):
+    return [*texts(folder, "valve", "ZU", "ZU", "AUF"), "--trigger", "valve > 0.5"]
+
+
+@case("a channel of texts")
+def _(folder, tokid):
+    return [*texts(folder, "valve", "ZU", "ZU", "AUF"), "--inputs", "u1,valve"]
+
+
+@case("a channel with one text")
+def _(folder, tokid):
+    return [*texts(folder, "valve", "ZU", "ZU", "ZU"), "--inputs", "u1,valve"]
+
+
+@case("a channel of many texts")
+def _(folder, tokid):
+    return [*texts(folder, "note", "started", "heated", "cooled", "stirred", "stopped"), "--outputs", "y1,note"]
+
+
+@case("a trigger that never holds")
+def _(folder, tokid):
+    return [*texts(folder, "valve", "ZU", "ZU", "AUF"), "--trigger", "valve == OPEN"]
 
 
 @case("a column of step numbers that contains something else")

@@ -133,7 +133,7 @@ def recordings(tokid, tmp_path_factory):
               "--measurement-noise", 0.1, "--process-noise", 0.01)
         with np.load(path / "data.npz") as file:
             samples = np.concatenate([file["u"], file["y"]], axis=2)
-        lines = ["experiment,at [s],u1,u2,y1,y2,valve"]
+        lines = ["run no,at [s],u1,u2,y1,y2,valve"]
         for n, experiment in enumerate(samples.tolist()):
             for k, row in enumerate(experiment):
                 cells = [repr(value) for value in row]
@@ -144,8 +144,8 @@ def recordings(tokid, tmp_path_factory):
     return path
 
 
-READING = {"--time": "at [s]", "--missing": "lost", "--trigger": "valve>0.5", "--before": "3", "--resample": "0.1",
-           "--resample-method": "previous", "--longest-gap": "2", "--dates": "day-first", "--inputs": "u1,u2",
+READING = {"--time": "at [s]", "--experiment": "run no", "--missing": "lost", "--trigger": "valve>0.5", "--before": "3", "--resample": "0.1",
+           "--resample-method": "previous", "--held": "u1", "--longest-gap": "2", "--dates": "day-first", "--inputs": "u1,u2",
            "--outputs": "y1,y2"}
 READ = [word for pair in READING.items() for word in pair]
 

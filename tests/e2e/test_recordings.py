@@ -235,6 +235,15 @@ def test_clocks_of_experiments(tokid, tmp_path):
     data, warnings = read(tokid, tmp_path, folder)
     np.testing.assert_array_equal(data["u"][:, 0, 0], [0, 0])
     assert "in all files, the time stamps count from the first row of each file. Use --trigger" in warnings
+    # Without a trigger, the begins of the experiments may be wrong, so this remark is the first one.
+    for name, begin in (("a", 0), ("b", 5)):
+        write(folder / f"{name}.csv", "logger 7\n" + times(begin + np.arange(20)).replace("u,y", "u,y,v").replace(",2\n", ",2,3\n"))
+    warnings = read(tokid, tmp_path, folder)[1].split("warning: ")
+    assert "read as readings of one clock" in warnings[1] and "line 1 was skipped" in warnings[2]
+    for name in "ab":
+        write(folder / f"{name}.csv", "logger 7\n" + times([f"2026-11-27 13:00:{k:02d}" for k in range(20)]))
+    warnings = read(tokid, tmp_path, folder)[1].split("warning: ")
+    assert "the time stamps count from the first row" in warnings[1] and "line 1 was skipped" in warnings[2]
 
 
 def test_seconds_since_1970_keep_their_rounding(tokid, tmp_path):
@@ -306,6 +315,38 @@ def test_words_for_missing_samples(tokid, tmp_path):
     assert "line 2, column 'y': 'Fault seven' found, a number needed; --missing 'Fault seven' reads it" in refused
 
 
+def valve(states, title="XV104.STAT"):
+    """A table with a column of the states of a valve."""
+    return f"t [s],u,y,{title}\n" + "".join(f"{k},{k},2,{state}\n" for k, state in enumerate(states))
+
+
+def test_columns_of_texts(tokid, tmp_path):
+    path = tmp_path / "data.csv"
+    channel = ["--inputs", "XV104.STAT", "--outputs", "y"]
+    for states, options, part in [
+        (["", "ZU", "ZU", "AUF"], ["--trigger", "XV104.STAT > 0.5"],
+         "line 3, column 'XV104.STAT': 'ZU' found, a number needed for the trigger 'XV104.STAT > 0.5'; the column has "
+         "the texts 'ZU' and 'AUF': use 'XV104.STAT == AUF' or 'XV104.STAT == ZU'\n"),
+        (["ZU", "Bad", "ZU"], ["--trigger", "XV104.STAT > 0.5"], "the column has the text 'ZU': use 'XV104.STAT == ZU'\n"),
+        (["ZU", "ZU", "AUF"], channel, "line 2, column 'XV104.STAT': 'ZU' found, a number needed; the column has the "
+         "texts 'ZU' and 'AUF' and no numbers: replace them by numbers, such as 0 and 1\n"),
+        (["A", "B", "C"], channel, "the texts 'A', 'B' and 'C' and no numbers: replace them by numbers, such as 0, 1 and 2\n"),
+        (["A", "B", "C", "D", "E"], channel, "the column has many texts and no numbers, so it can't be a channel\n"),
+        (["ZU", "ZU"], channel, "the column has the text 'ZU' and no numbers: replace this text by a number, or state "
+         "--missing 'ZU' if it stands for a missing sample\n"),
+        # Single words among numbers, above or below them, may stand for missing samples.
+        (["1", "ZU", "AUF"], channel, "'ZU' found, a number needed; --missing 'ZU' reads it as a missing sample\n"),
+        (["ZU", "AUF", "1"], channel, "'ZU' found, a number needed; --missing 'ZU' reads it as a missing sample\n"),
+        (["1.2.3", "4.5.6"], channel, "'1.2.3' found, a number needed\n"),
+    ]:
+        message = tokid("info", write(path, valve(states)), *options, status=2).stderr
+        assert part in " ".join(message.split()) + "\n", message
+        assert ("--missing" in message) == ("--missing" in part)
+    # The advice holds.
+    data, _ = read(tokid, tmp_path, write(path, valve(["ZU", "ZU", "AUF"])), "--trigger", "XV104.STAT == AUF")
+    assert data["u"][0, 0, 0] == 2
+
+
 @pytest.mark.parametrize("text, options, parts", [
     ("Valve [%],T [degC]\n1,2\n", [], ["no column whose name begins with u found among 'Valve [%]', 'T [degC]'",
                                       "--inputs 'A,B' --outputs 'C,D'"]),
@@ -316,7 +357,18 @@ def test_words_for_missing_samples(tokid, tmp_path):
      ["line 3, column 'time': 'soon' found, a time stamp like '27.11.2026 13:00:00' needed"]),
     ("t;u;y\n13/04/2026 01:00;1;2\n04/13/2026 01:00;1;2\n", [],
      ["line 2, '13/04/2026 01:00': the first number can only be the day, but in line 3"]),
-    ("t [s],u,y\n0,1,2\n1,2,3\n", ["--trigger", "u>5"], ["trigger 'u>5': it holds at no row of any experiment"]),
+    ("t [s],u,y\n0,1,2\n1,2,3\n", ["--trigger", "u>5"], ["trigger 'u>5': it holds at no row of any experiment; the column has numbers from 1 to 2, a condition"]),
+    ("t [s],u,y,v\n0,1,2,ZU\n1,2,3,AUF\n", ["--trigger", "v == OPEN"],
+     ["it holds at no row of any experiment; the column has the texts 'ZU' and 'AUF', a condition that holds somewhere"]),
+    ("t [s],u,y,v\n0,1,2,Bad\n1,2,3,\n", ["--trigger", "v > 0"], ["the column has only missing samples, a condition"]),
+    ("t [s],u,y\n0,1,2\n1,2,3\n", ["--held", "u"], ["held: no resample found"]),
+    ("t [s],u,y,v\n0,1,2,3\n1,2,3,4\n", ["--held", "v", "--resample", "1"],
+     ["held: column 'v' found, which is neither an input nor an output"]),
+    ("t [s],u,y\n0,1,2\n1,2,3\n", ["--experiment", "run"], ["no column 'run' found among 't [s]', 'u', 'y'"]),
+    ("t [s],u,y\n0,1,2\n1,2,3\n", ["--experiment", "t [s]", "--time", "t [s]"],
+     ["column 't [s]' is stated as times and as names of experiments"]),
+    ("t [s],u,y\n0,1,2\n1,2,3\n", ["--experiment", "u", "--inputs", "u"],
+     ["column 'u' is stated as names of experiments and as a channel"]),
     ("t [s],u,y\n0,1,2\n1,2,3\n", ["--trigger", "valve>5"], ["no column 'valve' found among 't [s]', 'u', 'y'"]),
     ("t [s],u,y\n0,1,2\n1,2,3\n", ["--trigger", "valve"], ["trigger: 'valve' found, a column, one of > >= < <= == !="]),
     ("t [s],u,y\n0,1,2\n1,2,3\n", ["--before", "3"], ["before: no trigger found"]),
@@ -389,8 +441,17 @@ def test_trigger_that_holds_at_the_first_row(tokid, tmp_path):
         write(folder / f"{run}.csv", "t [s],u,y,valve\n" + "".join(f"{k},{k},2,{v}\n" for k, v in enumerate(valve)))
     data, warnings = read(tokid, tmp_path, folder, "--trigger", "valve > 0.5")
     np.testing.assert_array_equal(data["u"][:, 0, 0], [2, 3, 0, 2])
+    assert "so the event may be earlier. The first row became step 0\n" in warnings.replace("\n  ", " ")
     assert "this condition already holds at the first row of experiment 'b'. Step 0 is the row at which the condition begins to hold again" in warnings
     assert "this condition already holds at the first row of experiments 'c', 'd', so the event may be earlier" in warnings
+    data, warnings = read(tokid, tmp_path, folder, "--trigger", "valve > 0.5", "--before", "2")
+    np.testing.assert_array_equal(data["u"][:, 2, 0], [2, 3, 0, 2])
+    assert "The first row became step 2\n" in warnings.replace("\n  ", " ")  # experiment d has rows before it
+    assert "Step 2 is the row at which the condition begins to hold again" in warnings
+    (folder / "d.csv").unlink()
+    for before, absent in (("1", "step 1, and step 0 is missing"), ("2", "step 2, and steps 0 to 1 are missing")):
+        _, warnings = read(tokid, tmp_path, folder, "--trigger", "valve > 0.5", "--before", before)
+        assert f"The first row became {absent}" in warnings
 
 
 def test_missing_words_fulfil_no_trigger(tokid, tmp_path):
@@ -423,6 +484,113 @@ def test_resampling(tokid, tmp_path):
     assert "reduce the standard deviation of the noise" in warnings
     data, _ = read(tokid, tmp_path, path, "--resample", "0.5", "--resample-method", "previous")
     np.testing.assert_array_equal(data["u"][0, 2, 0], 2 * t[t <= 1.0][-1])
+
+
+def test_only_some_files_are_resampled(tokid, tmp_path):
+    folder = tmp_path / "runs"
+    folder.mkdir()
+    even, late = 60.0 * np.arange(20), 60.0 * np.arange(20) + np.arange(20) % 2
+    for run, own in {"a": even, "b": late, "c": late, "d": even, "e": even}.items():
+        write(folder / f"{run}.csv", "t [s],u,y\n" + "".join(f"{v:g},{v:g},2\n" for v in own))
+    message = tokid("info", folder, status=2).stderr
+    assert "b.csv, line 3, column 't [s]': 61 found" in message and "1 more file has uneven times, too" in message
+    _, warnings = read(tokid, tmp_path, folder, "--resample", "60")
+    assert "'b.csv' and 1 more: the samples were resampled from about 61 s to 60 s by the method linear" in warnings
+    assert "The samples of the other 3 files already lie at these steps and stay as they are" in warnings
+    (folder / "b.csv").unlink(), (folder / "c.csv").unlink()
+    data, warnings = read(tokid, tmp_path, folder, "--resample", "60")
+    assert "all samples already lie at even steps of 60 s, so resampling changed nothing" in warnings
+    np.testing.assert_array_equal(data["u"][0, :, 0], even)
+    # A missing sample that is filled is a change.
+    write(folder / "a.csv", (folder / "a.csv").read_text().replace("\n120,120,", "\n120,,"))
+    data, warnings = read(tokid, tmp_path, folder, "--resample", "60")
+    assert "'a.csv': the samples were resampled" in warnings and data["u"][0, 2, 0] == 120
+
+
+def test_uneven_times_are_resampled_first(tokid, tmp_path):
+    path = tmp_path / "data.csv"
+    message = tokid("info", write(path, times([0, 60, 97, 180, 240, 300, 360, 420, 480])), status=2).stderr
+    assert "even steps of 60 that begin at 0; resample to even times (option resample), or number" in message
+    message = tokid("info", write(path, times(["0.0", "0.1", "0.3", "0.4"])), status=2).stderr
+    assert "(option resample), state '# dt = \u2026' above the header if the times are even but rounded, or" in message
+
+
+def test_repeated_times(tokid, tmp_path):
+    folder = tmp_path / "runs"
+    folder.mkdir()
+    repeated = [0, 1, 1, 1, 2, 3]
+    text = "t [s],u,y\n" + "".join(f"{v},{k},2\n" for k, v in enumerate(repeated))
+    write(folder / "a.csv", text)
+    write(folder / "b.csv", times(range(4), "t [s]"))
+    assert "a second row for step 1" in tokid("info", folder, status=2).stderr
+    for method, value, kept in [("linear", 2, "the samples of each time were replaced by their mean"),
+                                ("mean", 2, "the samples of each time were replaced by their mean"),
+                                ("previous", 3, "the last sample of each time was used")]:
+        data, warnings = read(tokid, tmp_path, folder, "--resample", "1", "--resample-method", method)
+        assert data["u"][0, 1, 0] == value
+        assert f"'a.csv': 2 rows have the time of an earlier row, so {kept}. Check whether" in warnings
+    data, warnings = read(tokid, tmp_path, folder, "--resample", "1", "--held", "u")
+    assert data["u"][0, 1, 0] == 3 and "and those of held channels by the last" in warnings
+
+
+def test_held_channels(tokid, tmp_path):
+    # The valve v opens between 9.9 s and 10.9 s; the temperature rises linearly.
+    t = np.arange(60) + 0.9
+    t[0] = 0
+    text = "t [s],v,T\n" + "".join(f"{s:g},{39.7 * (s > 10)},{2 * s:g}\n" for s in t)
+    path = write(tmp_path / "data.csv", text)
+    columns = ["--inputs", "v", "--outputs", "T", "--resample", "1"]
+    data, warnings = read(tokid, tmp_path, path, *columns)
+    assert 0 < data["u"][0, 10, 0] < 39.7
+    assert "channel 'v' changes at few samples, and these changes were interpolated. If it holds its value until the next sample, state it as held (option held)" in warnings
+    data, warnings = read(tokid, tmp_path, path, *columns, "--held", "v")
+    np.testing.assert_array_equal(data["u"][0, :, 0], 39.7 * (np.arange(60) > 10))
+    np.testing.assert_allclose(data["y"][0, :, 0], 2 * np.arange(60), rtol=0, atol=1e-12)
+    assert "The held channel 'v' repeats the last sample, which is up to 1 s old" in warnings
+    assert "interpolation makes the noise of neighbouring steps correlated" in warnings and "option held" not in warnings
+    both, warnings = read(tokid, tmp_path, path, *columns, "--held", "v,T")
+    previous, _ = read(tokid, tmp_path, path, *columns, "--resample-method", "previous")
+    np.testing.assert_array_equal(both["y"], previous["y"])
+    assert "by the method previous" in warnings
+    # Held channels fill long gaps, and the others do not.
+    sparse = "t [s],v,T\n" + "".join(f"{k},{5 if k == 0 else ''},{'' if 3 < k < 20 else k}\n" for k in range(40))
+    data, _ = read(tokid, tmp_path, write(path, sparse), *columns, "--held", "v")
+    assert (data["u"] == 5).all() and np.isnan(data["y"][0, 4:20, 0]).all()
+    data, warnings = read(tokid, tmp_path, path, *columns, "--held", "v", "--longest-gap", "2")
+    assert np.isnan(data["u"][0, 3:, 0]).all()
+
+
+def test_steps_much_shorter_than_the_distance_of_the_samples(tokid, tmp_path):
+    path = write(tmp_path / "data.csv", times(60 * np.arange(10), "t [s]"))
+    _, warnings = read(tokid, tmp_path, path, "--resample", "1")
+    assert "the samples are about 60 s apart, so most of the 541 steps of 1 s have no sample of their own. A sample time of about 60 s is enough" in warnings
+    assert "of their own" not in read(tokid, tmp_path, path, "--resample", "10")[1]
+
+
+def test_columns_of_experiments(tokid, tmp_path):
+    def table(title, blocks, stamp=lambda k: k):
+        return f"t [s],u,y,{title}\n" + "".join(
+            f"{stamp(k)},{n},{k},{name}\n" for n, name in enumerate(blocks) for k in range(4))
+
+    path = tmp_path / "data.csv"
+    advice = "may name the experiments: state it (option experiment), or rename it to 'experiment'"
+    for title, blocks, found in [("run", "ab", True), ("Batch no", "ab", True), ("Versuch", "12", True),
+                                 ("rezept", "xy", True),  # it changes where the times begin anew
+                                 ("rezept", "xyx", True), ("rezept", "xx", False), ("run", "xx", False),
+                                 ("pressure", "xyy", False), ("run", "xyy", True)]:
+        message = tokid("info", write(path, table(title, blocks)), status=2).stderr
+        assert "line 6: a second row for step 0 found, one needed" in message
+        assert (f"column '{title}' {advice}" in message) == found, (title, blocks, message)
+    data, warnings = read(tokid, tmp_path, write(path, table("run", "ab")), "--experiment", "run")
+    assert list(data["experiment_names"]) == ["a", "b"] and "not used" not in warnings
+    np.testing.assert_array_equal(data["y"][:, :, 0], [range(4)] * 2)
+    # A name that begins with u is no input, and the column 'experiment' is not needed.
+    data, _ = read(tokid, tmp_path, write(path, table("unit,experiment", ["a,1", "b,1"])), "--experiment", "unit")
+    assert data["u"].shape == (2, 4, 1)
+    message = tokid("info", write(path, table("run", ["a", ""])), "--experiment", "run", status=2).stderr
+    assert "line 6, column 'run': nothing found, a number or name needed" in message
+    _, warnings = read(tokid, tmp_path, write(path, table("run", "ab")), "--resample", "1")
+    assert "4 rows have the time of an earlier row" in warnings and advice in warnings
 
 
 def test_channels_that_are_logged_at_their_changes(tokid, tmp_path):
@@ -479,6 +647,8 @@ def test_options_of_csv_files_are_refused_for_others(tokid, tmp_path):
     tokid("example", "oscillator", "-o", npz, "--experiments", "8", "--steps", "20")
     message = tokid("info", npz, "--trigger", "u1>0", status=2).stderr
     assert "trigger: this option is for .csv files only" in message
+    for options in (["--held", "u1", "--resample", "1"], ["--experiment", "run"]):
+        assert "this option is for .csv files only" in tokid("info", npz, *options, status=2).stderr
     message = tokid("info", npz, npz.parent / "x.csv", status=2).stderr
     assert "but several files must all be .csv" in message
 

@@ -103,6 +103,9 @@ void find_steps(const Header& header, const std::string& stated, const Channels&
   chosen.step = header.find("k");
   if (chosen.step && !contains_column(others, *chosen.step)) chosen.step.reset();
   chosen.time = stated.empty() ? header.find("time") : header.need(stated);
+  if (!stated.empty() && chosen.time == chosen.experiment)
+    fail("column '{}' is stated as times and as names of experiments; one of the two needed",
+         header[*chosen.time].title);
   if (chosen.time && !contains_column(others, *chosen.time)) {
     if (!stated.empty()) fail("column '{}' is stated as times and as a channel; one of the two needed", stated);
     chosen.time.reset();
@@ -134,6 +137,19 @@ void add_units(const Names& names, const Names& units, const char* key, std::map
   if (units.size() != names.size())
     fail("{}: {} units found for {} channels, one unit for each channel needed", key, units.size(), names.size());
   for (size_t i = 0; i < names.size(); ++i) to[names[i]] = units[i];
+}
+
+std::optional<size_t> experiment_column(const Header& header, const Wanted& wanted) {
+  return wanted.experiment.empty() ? header.find("experiment") : header.need(wanted.experiment);
+}
+
+std::vector<size_t> taken_by(const std::optional<size_t>& column) {
+  return column ? std::vector<size_t>{*column} : std::vector<size_t>{};
+}
+
+std::vector<size_t> columns_and(std::vector<size_t> columns, const std::vector<size_t>& more) {
+  columns.insert(columns.end(), more.begin(), more.end());
+  return columns;
 }
 
 bool is_noted(const Channels& noted) {
@@ -196,11 +212,16 @@ Chosen chosen_columns(const Header& header, const Wanted& wanted) {
   const Names& inputs = names_to_read(header, wanted.inputs, wanted.noted.input_names, wanted.model.input_names);
   const Names& outputs = names_to_read(header, wanted.outputs, wanted.noted.output_names, wanted.model.output_names);
   Chosen chosen;
-  chosen.experiment = header.find("experiment");
+  chosen.experiment = experiment_column(header, wanted);
+  const std::vector<size_t> taken = taken_by(chosen.experiment);
   chosen.inputs = named_columns(header, inputs);
   chosen.outputs = named_columns(header, outputs);
-  if (inputs.empty()) chosen.inputs = prefixed_columns(header, 'u', chosen.outputs);
-  if (outputs.empty()) chosen.outputs = prefixed_columns(header, 'y', chosen.inputs);
+  for (const auto* columns : {&chosen.inputs, &chosen.outputs})
+    if (chosen.experiment && contains_column(*columns, *chosen.experiment))
+      fail("column '{}' is stated as names of experiments and as a channel; one of the two needed",
+           header[*chosen.experiment].title);
+  if (inputs.empty()) chosen.inputs = prefixed_columns(header, 'u', columns_and(chosen.outputs, taken));
+  if (outputs.empty()) chosen.outputs = prefixed_columns(header, 'y', columns_and(chosen.inputs, taken));
   for (const size_t c : chosen.inputs)
     if (contains_column(chosen.outputs, c))
       fail("column '{}' is listed both as an input and as an output. List it only once", header[c].title);
@@ -221,8 +242,9 @@ Channels channels_of(const Header& header, const Chosen& chosen, const Wanted& w
   if (is_noted(noted)) {
     std::vector<size_t> inputs = named_columns(header, noted.input_names),
                         outputs = named_columns(header, noted.output_names);
-    if (inputs.empty()) inputs = prefixed_columns(header, 'u', outputs);
-    if (outputs.empty()) outputs = prefixed_columns(header, 'y', inputs);
+    const std::vector<size_t> taken = taken_by(chosen.experiment);
+    if (inputs.empty()) inputs = prefixed_columns(header, 'u', columns_and(outputs, taken));
+    if (outputs.empty()) outputs = prefixed_columns(header, 'y', columns_and(inputs, taken));
     std::map<std::string, std::string> units;
     add_units(titles_of(header, inputs), noted.input_units, "input_units", units);
     add_units(titles_of(header, outputs), noted.output_units, "output_units", units);
@@ -263,17 +285,37 @@ Channels channels_of(const Header& header, const Chosen& chosen, const Wanted& w
   return result;
 }
 
-std::optional<std::string> remark_on_unused_columns(const Header& header, const Chosen& chosen,
-                                                    const std::vector<size_t>& read) {
+std::vector<size_t> unused_columns(const Header& header, const Chosen& chosen, const std::vector<size_t>& read) {
   std::vector<size_t> used = read;
   used.insert(used.end(), chosen.inputs.begin(), chosen.inputs.end());
   used.insert(used.end(), chosen.outputs.begin(), chosen.outputs.end());
   for (const auto& column : {chosen.experiment, chosen.time ? chosen.time : chosen.step, chosen.date})
     if (column) used.push_back(*column);
-  Names unused;
+  std::vector<size_t> unused;
   for (size_t c = 0; c < header.columns().size(); ++c)
-    if (!contains_column(used, c))
-      unused.push_back(header[c].title.empty() ? fmt::format("number {}, without a name", c + 1) : header[c].title);
+    if (!contains_column(used, c)) unused.push_back(c);
+  return unused;
+}
+
+bool may_name_experiments(const std::string& name) {
+  static const Names words{"experiment", "exp",        "run",     "batch",    "trial",    "test",
+                           "campaign",   "repetition", "rep",     "cycle",    "versuch",  "charge",
+                           "kampagne",   "lauf",       "messung", "zyklus",   "essai",    "lot",
+                           "shot",       "session",    "flight",  "maneuver", "manoeuvre"};
+  static const Names ends{"", "s", "id", "no", "no.", "nr", "nr.", "number", "name", "index", "num", "nummer"};
+  std::string text = in_lower_case(name);
+  text.erase(std::remove_if(text.begin(), text.end(), [](char c) { return c == ' ' || c == '_' || c == '-'; }),
+             text.end());
+  return std::any_of(words.begin(), words.end(), [&](const std::string& word) {
+    return text.starts_with(word) && contains(ends, text.substr(word.size()));
+  });
+}
+
+std::optional<std::string> remark_on_unused_columns(const Header& header, const Chosen& chosen,
+                                                    const std::vector<size_t>& read) {
+  Names unused;
+  for (const size_t c : unused_columns(header, chosen, read))
+    unused.push_back(header[c].title.empty() ? fmt::format("number {}, without a name", c + 1) : header[c].title);
   return remark_on_unused(unused);
 }
 

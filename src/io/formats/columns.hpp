@@ -60,10 +60,11 @@ struct Chosen {
 };
 
 struct Wanted {
-  Names inputs, outputs;  // that the caller states
-  std::string time;       // the column of times that the caller states
-  Channels noted;         // names in the comments of the file
-  Channels model;         // channels of a model: taken if the table has all of them, and nothing else is stated
+  Names inputs, outputs;   // that the caller states
+  std::string time;        // the column of times that the caller states
+  std::string experiment;  // the column of the names of experiments that the caller states
+  Channels noted;          // names in the comments of the file
+  Channels model;          // channels of a model: taken if the table has all of them, and nothing else is stated
   bool outputs_required = true;
 };
 
@@ -72,6 +73,12 @@ Chosen chosen_columns(const Header& header, const Wanted& wanted);
 
 // The names and units of the channels. Default names are dropped, unless the comments of the file state them.
 Channels channels_of(const Header& header, const Chosen& chosen, const Wanted& wanted);
+
+// The columns that are not read, apart from those in `read`.
+std::vector<size_t> unused_columns(const Header& header, const Chosen& chosen, const std::vector<size_t>& read);
+
+// Does the name of a column suggest that it names experiments: "run", "Batch no", "Versuch"?
+bool may_name_experiments(const std::string& name);
 
 // A remark on the columns that are not read, apart from those in `read`.
 std::optional<std::string> remark_on_unused_columns(const Header& header, const Chosen& chosen,

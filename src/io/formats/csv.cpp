@@ -26,6 +26,8 @@ void check_options(const ReadOptions& options) {
   if (options.before < 0) refuse("before", options.before, "a number of steps from 0 on");
   if (options.before > 0 && options.trigger.empty())
     throw std::invalid_argument("before: no trigger found. Steps before the trigger can be kept only with a trigger");
+  if (!options.held.empty() && !options.resample)
+    throw std::invalid_argument("held: no resample found. Channels can be held only by resampling");
   if (options.longest_gap && *options.longest_gap < 1)
     refuse("longest_gap", *options.longest_gap, "a number of steps from 1 on");
   if (options.dt && !(*options.dt > 0 && std::isfinite(*options.dt)))
@@ -141,15 +143,18 @@ std::optional<Index> longest_gap(const ReadOptions& options) {
   return options.resample_method == ResampleMethod::previous ? std::nullopt : std::optional(usual);
 }
 
-// Aligns, resamples and assembles the rows.
-Ensemble ensemble_of(Table table, const ReadOptions& options, bool many) {
+// Aligns, resamples and assembles the rows. `start`: a remark on the times at which the experiments begin.
+Ensemble ensemble_of(Table table, const ReadOptions& options, bool many, std::optional<std::string>& start) {
   const bool aligned = !options.trigger.empty();
   Records& records = table.records;
   if (aligned)
-    align(options.trigger, records);
+    align(options.trigger, Index(options.before), records);
   else if (many || table.stamped)
-    begin_together(records);
-  if (options.resample) resample({*options.resample, options.resample_method, longest_gap(options)}, aligned, records);
+    start = begin_together(records);
+  if (options.resample)
+    resample({*options.resample, options.resample_method, longest_gap(options),
+              options.longest_gap ? std::optional(Index(*options.longest_gap)) : std::nullopt},
+             aligned, records);
   Assembly assembly;
   assembly.dt = options.resample ? options.resample : options.dt ? options.dt : table.dt;
   assembly.moved = options.dt.has_value();
@@ -172,7 +177,9 @@ Ensemble read_csv(const std::filesystem::path& path, const ReadOptions& options)
   const std::vector<Index> length = table.length;
   const bool changed = !options.trigger.empty() || options.resample.has_value();
   if (!changed) check_length(table);
-  Ensemble e = ensemble_of(std::move(table), options, false);
+  std::optional<std::string> start;
+  Ensemble e = ensemble_of(std::move(table), options, false, start);
+  if (start) remarks.insert(remarks.begin(), *std::move(start));
   if (!changed && !length.empty()) {
     e.length = length;
     for (size_t n = 0; n < length.size(); ++n)
@@ -190,7 +197,7 @@ Ensemble read_csv(const std::vector<std::filesystem::path>& paths, const ReadOpt
   const Names labels = labels_of(paths);
   Table all;
   FirstTable first;
-  Remarks remarks;
+  Remarks starts, remarks;
   Guesses guesses;
   std::vector<Index> noted;
   std::vector<std::pair<std::string, std::string>> cut;  // names of files, and remarks on their ends
@@ -202,9 +209,10 @@ Ensemble read_csv(const std::vector<std::filesystem::path>& paths, const ReadOpt
       unchanged.check();
       check_length(table);
       if (i > 0) check_same(first.file, all, table);
-      if (table.stamped && options.trigger.empty())
-        table.remarks.emplace_back(
-            "the time stamps count from the first row of each file. Use --trigger if an event aligns the files");
+      starts.add(file, table.stamped && options.trigger.empty()
+                           ? Names{"the time stamps count from the first row of each file. Use --trigger if an event "
+                                   "aligns the files"}
+                           : Names{});
       name_experiments(paths[i], labels[i], table);
       remarks.add(file, table.remarks);
       if (table.cut) cut.emplace_back(file, *table.cut);
@@ -225,11 +233,15 @@ Ensemble read_csv(const std::vector<std::filesystem::path>& paths, const ReadOpt
   }
   all.names_experiments = true;
   const bool changed = !options.trigger.empty() || options.resample.has_value();
-  Ensemble e = ensemble_of(std::move(all), options, true);
+  std::optional<std::string> start;
+  Ensemble e = ensemble_of(std::move(all), options, true, start);
   if (!changed && std::any_of(noted.begin(), noted.end(), [](Index length) { return length >= 0; }))
     apply_noted_lengths(noted, e);
   e.check(options.outputs_required);
-  Names texts = remarks.take();
+  // Without a trigger, the begins of the experiments may be wrong. This matters most, so it is the first remark.
+  Names texts = starts.take();
+  if (start) texts.push_back(*std::move(start));
+  for (std::string& text : remarks.take()) texts.push_back(std::move(text));
   if (!cut.empty()) texts.push_back(remark_on_ends(cut));
   if (!guesses.empty()) texts.push_back(remark_on_guesses(guesses));
   e.remarks.insert(e.remarks.begin(), texts.begin(), texts.end());

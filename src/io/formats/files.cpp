@@ -129,11 +129,13 @@ void check_no_csv_options(const ReadOptions& options) {
     if (stated) fail("{}: this option is for .csv files only; leave it out, or convert the data to .csv", name);
   };
   refuse(!options.time.empty(), "time");
+  refuse(!options.experiment.empty(), "experiment");
   refuse(!options.missing.empty(), "missing");
   refuse(options.dates != DateOrder::automatic, "dates");
   refuse(options.dt.has_value(), "dt");
   refuse(!options.trigger.empty(), "trigger");
   refuse(options.resample.has_value(), "resample");
+  refuse(!options.held.empty(), "held");
 }
 
 Ensemble load_one(const fs::path& path, const ReadOptions& options) {

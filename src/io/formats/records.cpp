@@ -116,6 +116,35 @@ Onset onset_of(const Records& records, const std::vector<size_t>& order) {
   return onset;
 }
 
+// The files or, without files, the experiments for which `flagged` is true.
+struct Parts {
+  Names flagged;
+  size_t all = 0;
+  bool are_files = false;
+
+  bool is_all() const { return flagged.size() == all; }
+  // "'a.csv' and 5 more: ", the begin of a remark on them; empty if these are all parts
+  std::string begin() const {
+    if (is_all() || flagged.empty()) return "";
+    const std::string more = flagged.size() > 1 ? fmt::format(" and {} more", flagged.size() - 1) : "";
+    return fmt::format("{}'{}'{}: ", are_files ? "" : "experiment ", flagged.front(), more);
+  }
+};
+
+Parts parts_of(const TimeColumn& rows, const std::vector<bool>& flagged) {
+  Parts parts;
+  parts.are_files = !rows.files.empty();
+  const Names& names = parts.are_files ? rows.files : rows.experiments;
+  bool counted = false;  // the file of the experiment is among the flagged ones
+  for (size_t n = 0; n < names.size(); ++n) {
+    // The experiments of a file stand together, and files of different folders may have equal names.
+    const bool is_new = n == 0 || !parts.are_files || names[n] != names[n - 1];
+    if (is_new) ++parts.all, counted = false;
+    if (flagged[n] && !counted) parts.flagged.push_back(names[n]), counted = true;
+  }
+  return parts;
+}
+
 std::string experiments_named(const Names& names) {
   return fmt::format("{} {}", names.size() == 1 ? "experiment" : "experiments", some_of(names));
 }
@@ -127,15 +156,15 @@ struct Signal {
   std::vector<double> time, value;
 };
 
-// Samples at the same time become one, their mean.
-Signal signal_of(const Records& records, const std::vector<size_t>& order, size_t channel) {
+// Samples at the same time become one: the last of them if the channel holds its values, and else their mean.
+Signal signal_of(const Records& records, const std::vector<size_t>& order, size_t channel, bool held) {
   Signal s;
   size_t same = 1;
   for (const size_t i : order) {
     const double time = records.rows.time[i], value = records.samples[i * records.channels() + channel];
     if (std::isnan(value)) continue;
     if (!s.time.empty() && s.time.back() == time) {
-      s.value.back() += (value - s.value.back()) / double(++same);
+      s.value.back() = held ? value : s.value.back() + (value - s.value.back()) / double(++same);
       continue;
     }
     same = 1;
@@ -154,7 +183,8 @@ struct Filling {
 // A sample of the grid. `age`: the time since the sample that it repeats.
 struct Filled {
   double value = no_sample, age = 0.0;
-  bool in_gap = false;  // missing because of a long gap; else because its channel has no sample before it or after it
+  bool in_gap = false;   // missing because of a long gap; else because its channel has no sample before it or after it
+  bool between = false;  // interpolated between two different samples
 };
 
 Filled average(const Signal& s, double time, const Filling& filling) {
@@ -180,7 +210,7 @@ Filled at(const Signal& s, double time, const Filling& filling) {
     return {no_sample, 0.0, true};
   if (hold) return {s.value[i], age};
   const double share = (time - s.time[i]) / (*after - s.time[i]);
-  return {(1.0 - share) * s.value[i] + share * s.value[i + 1]};
+  return {(1.0 - share) * s.value[i] + share * s.value[i + 1], 0.0, false, s.value[i] != s.value[i + 1]};
 }
 
 // What the method does to noise that is independent from sample to sample. `oldest`: age of the oldest repeated sample.
@@ -280,7 +310,7 @@ void fill(const Records& records, const Steps& steps, Ensemble& e, std::vector<I
     auto cell = seen[size_t(n * e.steps() + k)];
     if (cell)
       fail("{}: a second row for step {}{} found, one needed{}", place(records.rows, i), k,
-           of_experiment(records.rows.experiments[size_t(n)]), records.doubt);
+           of_experiment(records.rows.experiments[size_t(n)]), records.advice.empty() ? records.doubt : records.advice);
     cell = true;
     length[size_t(n)] = std::max(length[size_t(n)], k + 1);
     const double* sample = records.samples.data() + i * records.channels();
@@ -321,46 +351,51 @@ void append(const Records& more, Records& to) {
   }
   to.samples.insert(to.samples.end(), more.samples.begin(), more.samples.end());
   to.event.insert(to.event.end(), more.event.begin(), more.event.end());
+  to.trigger_values.add(more.trigger_values);
+  if (to.advice.empty()) to.advice = more.advice;
 }
 
-void begin_together(Records& records) {
+std::optional<std::string> begin_together(Records& records) {
   TimeColumn& rows = records.rows;
-  if (rows.time.empty()) return;
+  if (rows.time.empty()) return std::nullopt;
   const Spans spans = spans_of(rows);
   const double apart = spans.latest_begin() - spans.earliest_begin();
-  if (!(apart > 0)) return;
+  if (!(apart > 0)) return std::nullopt;
   constexpr double most = 0.5;  // of the shortest experiment
   constexpr auto trigger = "Use --trigger if an event aligns them";
   const bool timed = records.source == StepSource::times;
-  if (spans.common() >= most * spans.shortest()) {
-    records.remarks.push_back(fmt::format(
+  if (spans.common() >= most * spans.shortest())
+    return fmt::format(
         "the {} of all experiments were read as readings of one clock, on which the experiments begin up to {:.6g}{} "
         "apart. {}",
         timed ? "times" : "step numbers", timed ? rows.unit.in_seconds(apart) : apart, timed ? " s" : " steps",
-        trigger));
-    return;
-  }
+        trigger);
   move_times(spans.first, rows);
-  records.remarks.push_back(
-      fmt::format("the {} of the experiments have {} in common, so tokid lets each experiment begin at its first row. "
-                  "{}",
-                  timed ? "times" : "step numbers",
-                  spans.common() < 0 ? "nothing" : "less than half of the shortest experiment", trigger));
+  return fmt::format(
+      "the {} of the experiments have {} in common, so tokid lets each experiment begin at its first row. "
+      "{}",
+      timed ? "times" : "step numbers", spans.common() < 0 ? "nothing" : "less than half of the shortest experiment",
+      trigger);
 }
 
-void align(const std::string& trigger, Records& records) {
+void align(const std::string& trigger, Index before, Records& records) {
   TimeColumn& rows = records.rows;
   std::vector<Onset> onsets;
   for (const std::vector<size_t>& own : rows_in_order(rows)) onsets.push_back(onset_of(records, own));
   std::vector<bool> kept;
   Names without, begun, again;
+  bool none_before = true;  // no rows before the first row at which the trigger is known, in `begun`
+  const Spans spans = spans_of(rows);
   for (size_t n = 0; n < onsets.size(); ++n) {
     kept.push_back(onsets[n].time().has_value());
     if (!kept.back()) without.push_back(rows.experiments[n]);
     if (onsets[n].from_first_row) (onsets[n].change ? again : begun).push_back(rows.experiments[n]);
+    if (onsets[n].from_first_row && !onsets[n].change) none_before = none_before && *onsets[n].first <= spans.first[n];
   }
   if (without.size() == onsets.size())
-    fail("trigger '{}': it holds at no row of any experiment, a condition that holds somewhere needed", trigger);
+    fail(
+        "trigger '{}': it holds at no row of any experiment; the column has {}, a condition that holds somewhere needed",
+        trigger, records.trigger_values.described());
   std::vector<double> begin;
   for (const Onset& onset : onsets) begin.push_back(onset.time().value_or(0.0));
   move_times(begin, rows);
@@ -371,23 +406,27 @@ void align(const std::string& trigger, Records& records) {
   };
   remark(without, fmt::format("never holds in {}, so {} dropped", experiments_named(without),
                               without.size() == 1 ? "this experiment was" : "these experiments were"));
-  remark(begun,
-         fmt::format("already holds at the first row of {}, so the event may be earlier. The first row became step 0",
-                     experiments_named(begun)));
-  remark(
-      again,
-      fmt::format("already holds at the first row of {}. Step 0 is the row at which the condition begins to hold again",
-                  experiments_named(again)));
+  const std::string absent = before == 0 || !none_before ? ""
+                             : before == 1               ? ", and step 0 is missing"
+                                                         : fmt::format(", and steps 0 to {} are missing", before - 1);
+  remark(begun, fmt::format(
+                    "already holds at the first row of {}, so the event may be earlier. The first row became step {}{}",
+                    experiments_named(begun), before, absent));
+  remark(again,
+         fmt::format(
+             "already holds at the first row of {}. Step {} is the row at which the condition begins to hold again",
+             experiments_named(again), before));
 }
 
 namespace {
 
-// The median distance of successive rows; 0 if there are none.
-double usual_distance(const TimeColumn& rows, const std::vector<std::vector<size_t>>& order) {
+// The median distance of successive rows in the experiments that `counted` states; 0 if there are none.
+double usual_distance(const TimeColumn& rows, const std::vector<std::vector<size_t>>& order,
+                      const std::vector<bool>& counted) {
   std::vector<double> distances;
-  for (const std::vector<size_t>& own : order)
-    for (size_t i = 1; i < own.size(); ++i)
-      if (const double distance = rows.time[own[i]] - rows.time[own[i - 1]]; distance > 0)
+  for (size_t n = 0; n < order.size(); ++n)
+    for (size_t i = 1; counted[n] && i < order[n].size(); ++i)
+      if (const double distance = rows.time[order[n][i]] - rows.time[order[n][i - 1]]; distance > 0)
         distances.push_back(distance);
   return distances.empty() ? 0.0 : statistics::median(std::move(distances));
 }
@@ -405,61 +444,176 @@ struct FilledCount {
   }
 };
 
-// Appends the samples of an experiment, whose rows are `order`, at the times begin + k dt within it.
-FilledCount add_resampled(const Records& records, Index n, const std::vector<size_t>& order, double begin,
-                          const Filling& filling, Records& to) {
+// How often a channel changes from one sample to the next, and how often its changes were interpolated.
+struct ChangeCount {
+  Index samples = 0, changes = 0, interpolated = 0;
+
+  // Most samples of a switched channel repeat the sample before. Noise of a sensor changes nearly all samples.
+  bool look_held() const { return interpolated > 0 && 20 * changes <= samples; }
+};
+
+// What resampling did to the samples.
+struct Resampled {
+  FilledCount free, held;            // of the channels that are not held, and of those that are
+  std::vector<bool> changed;         // of each experiment: it has other samples than before
+  std::vector<ChangeCount> changes;  // of each channel
+  Index longest = 0;                 // largest number of steps of an experiment
+};
+
+bool is_held(const Records& records, size_t channel) { return !records.held.empty() && records.held[channel]; }
+
+// Appends the samples of experiment n, whose rows are `order`, at the times begin + k dt within it.
+void add_resampled(const Records& records, size_t n, const std::vector<size_t>& order, double begin,
+                   const Filling& free, const Filling& held, Resampled& done, Records& to) {
   std::vector<Signal> signals;
-  for (size_t c = 0; c < records.channels(); ++c) signals.push_back(signal_of(records, order, c));
+  for (size_t c = 0; c < records.channels(); ++c) {
+    const bool holds = is_held(records, c) || free.method == ResampleMethod::previous;
+    signals.push_back(signal_of(records, order, c, holds));
+    const std::vector<double>& value = signals.back().value;
+    for (size_t i = 1; i < value.size(); ++i)
+      ++done.changes[c].samples, done.changes[c].changes += value[i] != value[i - 1];
+  }
   const TimeColumn& rows = records.rows;
-  const double first = std::ceil((rows.time[order.front()] - begin - filling.slack) / filling.dt);
-  const double last = std::floor((rows.time[order.back()] - begin + filling.slack) / filling.dt);
-  FilledCount count;
+  const double first = std::ceil((rows.time[order.front()] - begin - free.slack) / free.dt);
+  const double last = std::floor((rows.time[order.back()] - begin + free.slack) / free.dt);
+  const auto same = [](double a, double b) { return a == b || (std::isnan(a) && std::isnan(b)); };
+  size_t on_grid = 0;
+  bool changed = false;
   auto nearest = order.begin();
   for (double k = first; k <= last; ++k) {
-    const double time = begin + k * filling.dt;
-    while (nearest + 1 != order.end() && rows.time[*(nearest + 1)] <= time + filling.slack) ++nearest;
-    to.rows.time.push_back(k * filling.dt);
-    to.rows.experiment.push_back(n);
+    const double time = begin + k * free.dt;
+    while (nearest + 1 != order.end() && rows.time[*(nearest + 1)] <= time + free.slack) ++nearest;
+    const bool has_row = std::abs(rows.time[*nearest] - time) <= free.slack;
+    on_grid += has_row ? 1 : 0;
+    to.rows.time.push_back(k * free.dt);
+    to.rows.experiment.push_back(Index(n));
     to.rows.line.push_back(rows.line[*nearest]);
-    for (const Signal& s : signals) {
-      const Filled sample = at(s, time, filling);
+    for (size_t c = 0; c < signals.size(); ++c) {
+      const Filled sample = at(signals[c], time, is_held(records, c) ? held : free);
       to.samples.push_back(sample.value);
-      count.add(sample);
+      (is_held(records, c) ? done.held : done.free).add(sample);
+      if (sample.between) ++done.changes[c].interpolated;
+      const double before = has_row ? records.samples[*nearest * records.channels() + c] : no_sample;
+      changed = changed || !same(before, sample.value);
     }
   }
-  return count;
+  done.changed[n] = changed || on_grid != order.size();
+  done.longest = std::max(done.longest, Index(last - first + 1));
 }
 
-std::string remark_on_resampling(const Resampling& choice, const TimeUnit& unit, double usual, double longest,
-                                 const FilledCount& count) {
-  std::string remark =
-      fmt::format("the samples were resampled from about {:.4g} s to {} s by the method {}: {}", unit.in_seconds(usual),
-                  choice.dt, name_of(choice.method),
-                  effect_on_noise(choice.method, choice.dt, usual > 0 ? unit.in_seconds(usual) : choice.dt,
-                                  unit.in_seconds(count.oldest)));
+std::string on_missing(const FilledCount& count, double longest) {
   const auto stay = [](Index samples) { return samples == 1 ? "sample stays" : "samples stay"; };
+  std::string text;
   if (count.in_gaps > 0)
-    remark +=
-        fmt::format(". {} {} missing, because their gap is longer than {:.4g} s", count.in_gaps, stay(count.in_gaps),
-                    choice.method == ResampleMethod::mean ? choice.dt : unit.in_seconds(longest));
+    text += fmt::format(". {} {} missing, because their gap is longer than {:.4g} s", count.in_gaps,
+                        stay(count.in_gaps), longest);
   if (count.outside > 0)
-    remark += fmt::format(". {} {} missing before the first or after the last sample of the channel", count.outside,
-                          stay(count.outside));
+    text += fmt::format(". {} {} missing before the first or after the last sample of the channel", count.outside,
+                        stay(count.outside));
+  return text;
+}
+
+Names held_names(const Records& records) {
+  Names names = records.inputs, result;
+  names.insert(names.end(), records.outputs.begin(), records.outputs.end());
+  for (size_t c = 0; c < names.size(); ++c)
+    if (is_held(records, c)) result.push_back(names[c]);
+  return result;
+}
+
+std::string remark_on_resampling(const Resampling& choice, const Records& records, double usual, const Filling& free,
+                                 const Filling& held, const Resampled& done) {
+  const TimeUnit& unit = records.rows.unit;
+  const Parts parts = parts_of(records.rows, done.changed);
+  if (parts.flagged.empty())
+    return fmt::format("all samples already lie at even steps of {} s, so resampling changed nothing", choice.dt);
+  std::string remark =
+      fmt::format("{}the samples were resampled from about {:.4g} s to {} s by the method {}: {}", parts.begin(),
+                  unit.in_seconds(usual), choice.dt, name_of(choice.method),
+                  effect_on_noise(choice.method, choice.dt, usual > 0 ? unit.in_seconds(usual) : choice.dt,
+                                  unit.in_seconds(done.free.oldest)));
+  remark += on_missing(done.free, choice.method == ResampleMethod::mean ? choice.dt : unit.in_seconds(free.longest));
+  if (const Names names = held_names(records); !names.empty())
+    remark += fmt::format(". The held {} {} {} the last sample, which is up to {:.4g} s old{}",
+                          names.size() == 1 ? "channel" : "channels", some_of(names),
+                          names.size() == 1 ? "repeats" : "repeat", unit.in_seconds(done.held.oldest),
+                          on_missing(done.held, unit.in_seconds(held.longest)));
+  if (!parts.is_all())
+    remark +=
+        fmt::format(". The samples of the other {} already lie at these steps and stay as they are",
+                    words::plural(Index(parts.all - parts.flagged.size()), parts.are_files ? "file" : "experiment"));
   return remark;
+}
+
+// Repeated times are an error without resampling, because each step has one row.
+std::optional<std::string> remark_on_repeated_times(const Records& records,
+                                                    const std::vector<std::vector<size_t>>& order,
+                                                    ResampleMethod method) {
+  const std::vector<double>& time = records.rows.time;
+  std::vector<bool> flagged(order.size());
+  Index repeated = 0;
+  for (size_t n = 0; n < order.size(); ++n)
+    for (size_t i = 1; i < order[n].size(); ++i)
+      if (time[order[n][i]] == time[order[n][i - 1]]) ++repeated, flagged[n] = true;
+  if (repeated == 0) return std::nullopt;
+  const char* kept =
+      method == ResampleMethod::previous ? "the last sample of each time was used"
+      : held_names(records).empty()
+          ? "the samples of each time were replaced by their mean"
+          : "the samples of each time were replaced by their mean, and those of held channels by the last";
+  return fmt::format(
+      "{}{} {} the time of an earlier row, so {}. Check whether the times have lost digits, such as their seconds{}",
+      parts_of(records.rows, flagged).begin(), words::plural(repeated, "row"), repeated == 1 ? "has" : "have", kept,
+      records.advice);
+}
+
+// Much shorter steps than the distance of the samples make computations slower, and add nothing.
+std::optional<std::string> remark_on_short_steps(double dt, double usual, Index steps) {
+  constexpr double much = 10.0;
+  if (usual < much * dt) return std::nullopt;
+  return fmt::format(
+      "the samples are about {:.4g} s apart, so most of the {} steps of {} s have no sample of their own. A sample time "
+      "of about {:.4g} s is enough",
+      usual, steps, dt, usual);
+}
+
+std::optional<std::string> remark_on_switches(const Records& records, const Resampled& done) {
+  Names names = records.inputs, switched;
+  names.insert(names.end(), records.outputs.begin(), records.outputs.end());
+  for (size_t c = 0; c < names.size(); ++c)
+    if (done.changes[c].look_held()) switched.push_back(names[c]);
+  if (switched.empty()) return std::nullopt;
+  const bool one = switched.size() == 1;
+  return fmt::format(
+      "{} {} {} at few samples, and these changes were interpolated. If {} until the next sample, state {} as held "
+      "(option held)",
+      one ? "channel" : "channels", some_of(switched), one ? "changes" : "change",
+      one ? "it holds its value" : "they hold their values", one ? "it" : "them");
 }
 
 }  // namespace
 
-void resample(const Resampling& choice, bool aligned, Records& records) {
+void resample(const Resampling& stated, bool aligned, Records& records) {
   if (records.source != StepSource::times)
     fail("resample: no column of times found; a column of times, such as 't [s]', needed");
-  if (!(choice.dt > 0) || !std::isfinite(choice.dt))
-    fail("resample: {} found, a positive time in seconds needed", choice.dt);
+  if (!(stated.dt > 0) || !std::isfinite(stated.dt))
+    fail("resample: {} found, a positive time in seconds needed", stated.dt);
+  Resampling choice = stated;
+  const bool all_held = !records.held.empty() && held_names(records).size() == records.channels();
+  if (all_held) {
+    choice.method = ResampleMethod::previous, choice.longest_gap = stated.longest_gap_of_held;
+    records.held.clear();
+  }
   const TimeColumn& rows = records.rows;
   const std::vector<std::vector<size_t>> order = rows_in_order(rows);
-  const double dt = rows.unit.from_seconds(choice.dt), usual = usual_distance(rows, order);
-  const double longest = choice.longest_gap ? double(*choice.longest_gap) * std::max(dt, usual) : infinite;
-  const Filling filling{choice.method, dt, longest, 1e-6 * std::min(dt, usual > 0 ? usual : dt)};
+  const double dt = rows.unit.from_seconds(choice.dt);
+  const double usual = usual_distance(rows, order, std::vector<bool>(order.size(), true));
+  const auto filling = [&](ResampleMethod method, std::optional<Index> longest_gap) {
+    const double longest = longest_gap ? double(*longest_gap) * std::max(dt, usual) : infinite;
+    return Filling{method, dt, longest, 1e-6 * std::min(dt, usual > 0 ? usual : dt)};
+  };
+  const Filling free = filling(choice.method, choice.longest_gap);
+  const Filling held = filling(ResampleMethod::previous, choice.longest_gap_of_held);
   const double begin = aligned ? 0.0 : *std::min_element(rows.time.begin(), rows.time.end());
 
   Records result = records;
@@ -469,12 +623,18 @@ void resample(const Resampling& choice, bool aligned, Records& records) {
   if (!(total * double(order.size() * records.channels()) * sizeof(double) <= 0.25 * double(memory_limit())))
     fail("resample: {} s found, which makes {:.4g} steps of each experiment, more than fit into memory", choice.dt,
          total);
-  FilledCount count;
-  for (size_t n = 0; n < order.size(); ++n)
-    count.add(add_resampled(records, Index(n), order[n], begin, filling, result));
+  Resampled done;
+  done.changed.resize(order.size()), done.changes.resize(records.channels());
+  for (size_t n = 0; n < order.size(); ++n) add_resampled(records, n, order[n], begin, free, held, done, result);
   if (result.rows.time.empty())
     fail("resample: {} s found, but no experiment is as long; a shorter sample time needed", choice.dt);
-  result.remarks.push_back(remark_on_resampling(choice, rows.unit, usual, longest, count));
+  const auto remark = [&result](std::optional<std::string> one) {
+    if (one) result.remarks.push_back(*std::move(one));
+  };
+  remark(remark_on_repeated_times(records, order, choice.method));
+  remark(remark_on_resampling(choice, records, usual_distance(rows, order, done.changed), free, held, done));
+  if (!all_held) remark(remark_on_short_steps(choice.dt, rows.unit.in_seconds(usual), done.longest));
+  remark(remark_on_switches(records, done));
   records = std::move(result);
 }
 

@@ -8,7 +8,6 @@
 #include <limits>
 
 #include "base/words.hpp"
-#include "io/formats/cells.hpp"
 
 namespace tokid::io {
 
@@ -38,6 +37,31 @@ void add_guesses(const Guesses& more, size_t number, const std::string& file, Gu
     if (sum.cells == 0) sum = {0, number, guess.line, fmt::format("{}, {}", file, guess.first)};
     sum.cells += guess.cells;
   }
+}
+
+void ColumnValues::add(std::string_view text) {
+  const char first = text.front();
+  const bool is_letter = (first >= 'A' && first <= 'Z') || (first >= 'a' && first <= 'z') || (first & 0x80) != 0;
+  only_words_ = only_words_ && is_letter;
+  if (texts_.size() <= most && !contains(texts_, text)) texts_.emplace_back(text);
+}
+
+void ColumnValues::add(const ColumnValues& more) {
+  for (const std::string& text : more.texts_) add(std::string_view(text));
+  only_words_ = only_words_ && more.only_words_;
+  low_ = std::min(low_, more.low_), high_ = std::max(high_, more.high_);
+}
+
+std::string ColumnValues::described() const {
+  Names parts;
+  if (has_numbers())
+    parts.push_back(low_ < high_ ? fmt::format("numbers from {:.6g} to {:.6g}", low_, high_)
+                                 : fmt::format("the number {:.6g}", low_));
+  Names shown;
+  for (const std::string& text : texts_) shown.push_back(fmt::format("'{}'", words::quoted(text)));
+  if (has_more()) shown.back() = "others";
+  if (!shown.empty()) parts.push_back(fmt::format("the text{} {}", shown.size() > 1 ? "s" : "", words::listed(shown)));
+  return parts.empty() ? "only missing samples" : words::listed(parts);
 }
 
 NumberReader::NumberReader(const Names& missing_words) : words_(missing_words) {
@@ -139,10 +163,10 @@ void NumberReader::fail_number(std::string_view cell, Index line, const std::str
   if (mark_ == '.' && number_from(cell, ','))
     fail("{}, but '{}' in line {}; the same decimal mark in the whole table needed", at, words::quoted(mark_cell_),
          mark_line_);
-  if (number_from(cell, '.') || number_from(cell, ',') || cell.find_first_of("0123456789") != std::string_view::npos ||
-      !may_be_missing)
-    fail("{}, a number needed", at);
-  fail("{}, a number needed; --missing '{}' reads it as a missing sample", at, words::quoted(cell));
+  if (number_from(cell, '.') || number_from(cell, ',') || !may_be_missing) fail("{}, a number needed", at);
+  const bool has_digits = cell.find_first_of("0123456789") != std::string_view::npos;
+  throw TextFound(fmt::format("{}, a number needed", at),
+                  has_digits ? "" : fmt::format("; --missing '{}' reads it as a missing sample", words::quoted(cell)));
 }
 
 }  // namespace tokid::io

@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <algorithm>
+#include <limits>
 #include <map>
 #include <optional>
 #include <string>
@@ -10,6 +12,8 @@
 #include <vector>
 
 #include "io/arrays.hpp"
+#include "io/formats/cells.hpp"
+#include "tokid/io.hpp"
 
 namespace tokid::io {
 
@@ -26,6 +30,40 @@ std::string remark_on_guesses(const Guesses& guesses);
 // Adds the guesses of the file with this number and name.
 void add_guesses(const Guesses& more, size_t number, const std::string& file, Guesses& to);
 
+// The error for a cell with a text in place of a number.
+class TextFound : public IoError {
+ public:
+  // `text`: place, text and what is needed; `advice`: its end, if the column also has numbers
+  TextFound(const std::string& text, const std::string& advice) : IoError(text + advice), text_(text) {}
+  const std::string& text() const { return text_; }
+
+ private:
+  std::string text_;
+};
+
+// What the cells of a column contain, apart from missing samples; for messages.
+class ColumnValues {
+ public:
+  void add(double number) { low_ = std::min(low_, number), high_ = std::max(high_, number); }
+  void add(std::string_view text);  // not empty
+  void add(const ColumnValues& more);
+
+  const Names& texts() const { return texts_; }  // the first different texts, in the order of appearance
+  bool has_numbers() const { return low_ <= high_; }
+  // Are all cells words, such as the states of a switch?
+  bool has_only_words() const { return !texts_.empty() && only_words_ && !has_numbers(); }
+  // "the texts 'ZU' and 'AUF'", "numbers from 0 to 100"
+  std::string described() const;
+
+  static constexpr size_t most = 4;  // texts that are described
+  bool has_more() const { return texts_.size() > most; }
+
+ private:
+  Names texts_;  // one more than are described
+  bool only_words_ = true;
+  double low_ = std::numeric_limits<double>::infinity(), high_ = -low_;
+};
+
 // Reads numbers. The first number with a decimal comma or a decimal point decides for the table.
 class NumberReader {
  public:
@@ -38,6 +76,11 @@ class NumberReader {
 
   // Does a text stand for a missing sample? Words that nobody stated are counted as guesses.
   bool stands_for_missing(std::string_view text, Index line, const std::string& column);
+
+  // Is the text empty, or a word for a missing sample? Unlike stands_for_missing(), this counts no guess.
+  bool is_word_or_empty(std::string_view text) const {
+    return is_missing(text) || contains(words_, text) || is_word_for_missing(text);
+  }
 
   const Guesses& guesses() const { return guesses_; }
   // How the marks in numbers were read, if a program may have meant them otherwise. Must be called after the last

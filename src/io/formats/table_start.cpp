@@ -39,6 +39,7 @@ Names wanted_titles(const ReadOptions& options) {
   Names wanted = options.inputs;
   wanted.insert(wanted.end(), options.outputs.begin(), options.outputs.end());
   if (!options.time.empty()) wanted.push_back(options.time);
+  if (!options.experiment.empty()) wanted.push_back(options.experiment);
   return wanted;
 }
 

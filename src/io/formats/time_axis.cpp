@@ -175,6 +175,29 @@ std::optional<double> spacing_to_move_to(const TimeColumn& rows, double usual) {
   return std::nullopt;
 }
 
+// The number of files, apart from that of the row, in which the times of an experiment are not even.
+Index other_uneven_files(const TimeColumn& rows, size_t row) {
+  const size_t own = size_t(rows.experiment[row]);
+  std::vector<TimeColumn> parts(rows.files.empty() ? 0 : rows.experiments.size());
+  for (size_t i = 0; !parts.empty() && i < rows.time.size(); ++i) {
+    TimeColumn& part = parts[size_t(rows.experiment[i])];
+    part.time.push_back(rows.time[i]), part.experiment.push_back(0), part.line.push_back(rows.line[i]);
+  }
+  Index files = 0;
+  std::string last;  // the file that was counted last; its experiments stand together
+  for (size_t n = 0; n < parts.size(); ++n) {
+    if (rows.files[n] == rows.files[own] || rows.files[n] == last || parts[n].time.empty()) continue;
+    parts[n].name = rows.name, parts[n].unit = rows.unit, parts[n].experiments = {rows.experiments[n]};
+    parts[n].precision = rows.precision, parts[n].largest = rows.largest;
+    try {
+      time_grid(parts[n], std::nullopt);
+    } catch (const IoError&) {
+      ++files, last = rows.files[n];
+    }
+  }
+  return files;
+}
+
 [[noreturn]] void fail_uneven(const TimeColumn& rows, const Fit& fit, double usual, double rounding, bool stated) {
   const bool first = first_is_wrong(fit, usual);
   const size_t row = first ? fit.row[0] : fit.row[*fit.wrong];
@@ -184,13 +207,20 @@ std::optional<double> spacing_to_move_to(const TimeColumn& rows, double usual) {
                         : fmt::format("which differs by {:.4g} from even steps of {:.10g} that begin at {}", fit.off,
                                       fit.grid.dt, first ? fit.time[*fit.wrong] : fit.time[0]);
   const std::optional<double> even = fit.uncounted > 0 ? std::nullopt : spacing_to_move_to(rows, usual);
-  std::string advice;
-  // A stated dt helps with rounding and with gaps, but not with a clock that jitters.
-  if (!stated && !(even && fit.off > 2 * rounding)) advice = "state '# dt = …' above the header, ";
+  Names advice;
+  // A stated dt helps with long gaps and with rounded times, but not with a clock that jitters or with uneven samples.
+  const bool gap = fit.uncounted > 0, rounded = fit.off <= 2 * rounding;
+  if (!stated && (gap || (even && rounded))) advice.emplace_back("state '# dt = …' above the header");
   if (even)
-    advice += fmt::format("move the times to even steps of {:.6g} s (option dt), ", rows.unit.in_seconds(*even));
-  fail("{}, column '{}': {} found, {}; {}resample to even times (option resample), or number the steps in a column 'k'",
-       place(rows, row), rows.name, rows.time[row], what, advice);
+    advice.push_back(fmt::format("move the times to even steps of {:.6g} s (option dt)", rows.unit.in_seconds(*even)));
+  advice.emplace_back("resample to even times (option resample)");
+  if (!stated && !gap && !even && rounded)
+    advice.emplace_back("state '# dt = …' above the header if the times are even but rounded");
+  const Index others = other_uneven_files(rows, row);
+  fail("{}, column '{}': {} found, {}; {}, or number the steps in a column 'k'{}", place(rows, row), rows.name,
+       rows.time[row], what, fmt::join(advice, ", "),
+       others == 0 ? std::string()
+                   : fmt::format(". {} more {} uneven times, too", others, others == 1 ? "file has" : "files have"));
 }
 
 // Throws if all rows are several steps apart, because the sample time is then probably wrong. With a stated dt, the
