@@ -93,7 +93,7 @@ std::string words_of(const ReadOptions& options) {
   add_list("--inputs", inputs);
   add_list("--outputs", outputs);
   if (!time.empty()) add("--time", time);
-  if (!experiment.empty()) add("--experiment", experiment);
+  if (!experiment.empty()) add("--experiment-column", experiment);
   add_list("--missing", missing);
   if (dates != defaults.dates) add("--dates", word_for(date_orders(), dates));
   if (dt) add("--dt", fmt::format("{}", *dt));
@@ -148,7 +148,7 @@ void Command::columns(ReadOptions& options) {
       "--time", "NAME", "Column of a .csv with the times (default: by names such as time and t, or by time stamps)",
       [&options](const std::string& name) { return !(options.time = name).empty(); }, "the name of a column needed");
   text(
-      "--experiment", "NAME", "Column of a .csv that names the experiments (default: experiment)",
+      "--experiment-column", "NAME", "Column of a .csv that names the experiments (default: experiment)",
       [&options](const std::string& name) { return !(options.experiment = name).empty(); },
       "the name of a column needed");
   add("--missing", options.missing, "WORD,...", word,

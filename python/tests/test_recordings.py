@@ -68,14 +68,14 @@ def test_trigger_and_resampling_of_tables():
 
 
 def test_columns_of_experiments_and_held_channels(tmp_path):
-    long = pd.concat([table(3).assign(run=name) for name in ("a", "b")])
-    with pytest.raises(ValueError, match=r"column 'run' may name the experiments: state it \(option experiment\)"):
+    long = pd.concat([table(3).assign(run=name) for name in ("a", "b")], ignore_index=True)
+    with pytest.raises(ValueError, match="column 'run' may name the experiments: state --experiment-column 'run'"):
         tokid.Ensemble.from_dataframe([long], **CHANNELS)
-    data = tokid.Ensemble.from_dataframe(long, **CHANNELS, experiment="run")
+    data = tokid.Ensemble.from_dataframe(long, **CHANNELS, experiment_column="run")
     assert data.experiment_names == ["a", "b"]
     long.to_csv(tmp_path / "long.csv", index=False)
-    assert tokid.load(tmp_path / "long.csv", **CHANNELS, experiment="run").fingerprint == data.fingerprint
-    held = tokid.Ensemble.load(tmp_path / "long.csv", **CHANNELS, experiment="run", resample=0.05, held=["valve"])
+    assert tokid.load(tmp_path / "long.csv", **CHANNELS, experiment_column="run").fingerprint == data.fingerprint
+    held = tokid.Ensemble.load(tmp_path / "long.csv", **CHANNELS, experiment_column="run", resample=0.05, held=["valve"])
     np.testing.assert_array_equal(held.u[0, :, 0], np.where(np.arange(23) < 6, 0.0, 60.0))
     np.testing.assert_allclose(held.y[0, :, 0], 17 + np.arange(23) / 2, rtol=0, atol=1e-12)
 

@@ -158,7 +158,7 @@ class Ensemble(Channels):
         outputs: Union[str, Sequence[str]] = (),
         outputs_required: bool = False,
         time: Optional[str] = None,
-        experiment: Optional[str] = None,
+        experiment_column: Optional[str] = None,
         missing: Union[str, Sequence[str]] = (),
         dates: Optional[str] = None,
         dt: Optional[float] = None,
@@ -183,7 +183,7 @@ class Ensemble(Channels):
             Refuse a file without outputs.
         time : str, optional
             The column of a .csv with the times; by default found by its name, or by its time stamps.
-        experiment : str, optional
+        experiment_column : str, optional
             The column of a .csv that names the experiments; by default the column ``experiment``.
         missing : str or sequence of str, optional
             Word or words in a .csv that stand for a missing sample, besides Bad, ---, NaN, null and others.
@@ -225,7 +225,7 @@ class Ensemble(Channels):
             outputs=outputs,
             outputs_required=outputs_required,
             time=time,
-            experiment=experiment,
+            experiment_column=experiment_column,
             missing=missing,
             dates=dates,
             dt=dt,
@@ -439,7 +439,7 @@ class Ensemble(Channels):
         outputs_required : bool, default False
             Reject a table without outputs.
         **recorded
-            The options ``time``, ``experiment``, ``missing``, ``dates``, ``trigger``, ``before``, ``resample``,
+            The options ``time``, ``experiment_column``, ``missing``, ``dates``, ``trigger``, ``before``, ``resample``,
             ``resample_method``, ``held`` and ``longest_gap`` of `load`.
 
         Returns
@@ -530,7 +530,7 @@ class Ensemble(Channels):
         inputs, outputs : str or sequence, optional
             Variables that are inputs and outputs, where each channel is a variable.
         **recorded
-            The options ``time``, ``experiment``, ``missing``, ``dates``, ``trigger``, ``before``, ``resample``,
+            The options ``time``, ``experiment_column``, ``missing``, ``dates``, ``trigger``, ``before``, ``resample``,
             ``resample_method``, ``held`` and ``longest_gap`` of `load`, where each channel is a variable.
 
         Returns

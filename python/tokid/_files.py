@@ -33,7 +33,7 @@ def load(
     inputs, outputs : str or sequence of str, optional
         Columns of a .csv that are inputs and outputs; by default those whose names begin with u and y.
     **recorded
-        The options of `Ensemble.load` about .csv files: ``time``, ``experiment``, ``missing``, ``dates``, ``dt``,
+        The options of `Ensemble.load` about .csv files: ``time``, ``experiment_column``, ``missing``, ``dates``, ``dt``,
         ``trigger``, ``before``, ``resample``, ``resample_method``, ``held`` and ``longest_gap``.
 
     Raises

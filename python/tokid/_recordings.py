@@ -34,7 +34,7 @@ def read_options(
     outputs: Union[str, Sequence[Any], None] = None,
     outputs_required: bool = False,
     time: Optional[str] = None,
-    experiment: Optional[str] = None,
+    experiment_column: Optional[str] = None,
     missing: Union[str, Sequence[Any]] = (),
     dates: Optional[str] = None,
     dt: Optional[float] = None,
@@ -51,7 +51,7 @@ def read_options(
     options.outputs = one_or_more(outputs)
     options.outputs_required = bool(outputs_required)
     options.time = time or ""
-    options.experiment = experiment or ""
+    options.experiment = experiment_column or ""
     options.missing = one_or_more(missing)
     if dates is not None:
         options.dates = _options.choice("dates", dates, DATES)

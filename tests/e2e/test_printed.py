@@ -144,7 +144,7 @@ def recordings(tokid, tmp_path_factory):
     return path
 
 
-READING = {"--time": "at [s]", "--experiment": "run no", "--missing": "lost", "--trigger": "valve>0.5", "--before": "3", "--resample": "0.1",
+READING = {"--time": "at [s]", "--experiment-column": "run no", "--missing": "lost", "--trigger": "valve>0.5", "--before": "3", "--resample": "0.1",
            "--resample-method": "previous", "--held": "u1", "--longest-gap": "2", "--dates": "day-first", "--inputs": "u1,u2",
            "--outputs": "y1,y2"}
 READ = [word for pair in READING.items() for word in pair]

@@ -67,7 +67,7 @@ class ExperimentSearch {
                                        [this](const auto& a, const auto& b) { return rank(a) < rank(b); });
     if (best == candidates_.end() || rank(*best) == 0) return "";
     return fmt::format(
-        "; column '{}' may name the experiments: state it (option experiment), or rename it to 'experiment'",
+        "; column '{0}' may name the experiments: state --experiment-column '{0}', or rename it to 'experiment'",
         best->title);
   }
 

@@ -129,7 +129,7 @@ void check_no_csv_options(const ReadOptions& options) {
     if (stated) fail("{}: this option is for .csv files only; leave it out, or convert the data to .csv", name);
   };
   refuse(!options.time.empty(), "time");
-  refuse(!options.experiment.empty(), "experiment");
+  refuse(!options.experiment.empty(), "experiment-column");
   refuse(!options.missing.empty(), "missing");
   refuse(options.dates != DateOrder::automatic, "dates");
   refuse(options.dt.has_value(), "dt");
