@@ -326,6 +326,60 @@ TEST(Verdict, SaysWhereAnInputRests) {
   EXPECT_FALSE(contains(all_reasons(v), "elevator"));
 }
 
+// u(k) = -0.5 y(k-1) + dither: a first-order system in a loop.
+Ensemble in_closed_loop(Index count, double dither, std::uint64_t seed) {
+  Ensemble e(count, 60, 1, 1);
+  e.dt = 0.1;
+  e.initial_state = InitialState::unknown;
+  Random random(seed);
+  for (Index n = 0; n < count; ++n) {
+    double x = random.normal(), before = 0.0;
+    for (Index k = 0; k < 60; ++k) {
+      e.u(n, k, 0) = -0.5 * before + dither * random.normal();
+      e.y(n, k, 0) = x + 0.1 * random.normal();
+      x = 0.9 * x + 0.4 * e.u(n, k, 0) + 0.2 * random.normal();
+      before = e.y(n, k, 0);
+    }
+  }
+  return e;
+}
+
+// A loaded model has no warnings of its identification.
+TEST(Verdict, InputsThatFollowFromOutputsDoNotShowTheirEffects) {
+  for (const Index period : {0, 1, 20}) {
+    const Model model =
+        identify(in_closed_loop(60, 0.0, 1), {.states = 1, .lags = 2, .refine = false, .period = period}).model;
+    const Verdict found = verdict(model, in_closed_loop(30, 0.0, 2));
+    EXPECT_EQ(found.trust, Trust::look_closer) << period;
+    const auto check = [&](VerdictCheck::Kind kind) {
+      return *std::find_if(found.checks.begin(), found.checks.end(),
+                           [&](const VerdictCheck& c) { return c.kind == kind; });
+    };
+    const VerdictCheck inputs = check(VerdictCheck::Kind::inputs);
+    EXPECT_EQ(inputs.result, Trust::look_closer);
+    EXPECT_FALSE(inputs.kept());
+    ASSERT_EQ(inputs.reasons.size(), 1u) << period;
+    EXPECT_NE(inputs.reasons.front().text.find("0.5 y1(k-1)"), std::string::npos) << inputs.reasons.front().text;
+    EXPECT_EQ(check(VerdictCheck::Kind::gains).untested, VerdictCheck::Untested::dependent_inputs);
+    const Verdict excited = verdict(model, in_closed_loop(30, 0.5, 3));
+    for (const VerdictCheck& c : excited.checks)
+      if (c.kind == VerdictCheck::Kind::inputs) EXPECT_EQ(c.result, Trust::good) << period;
+  }
+}
+
+TEST(Verdict, SwappedAxesCountAgainstTheModel) {
+  const Model system = oscillator(60);
+  const Ensemble e = experiments(system, {.experiments = 40, .measurement_noise = 0.05});
+  const Model model = identify(e, {.states = 4, .lags = 3, .refine = false}).model;
+  Ensemble swapped(60, 40, 2, 2);
+  for (Index n = 0; n < 40; ++n)
+    for (Index k = 0; k < 60; ++k)
+      for (Index c = 0; c < 4; ++c) swapped.samples()(k, n * 4 + c) = e.samples()(n, k * 4 + c);
+  const Verdict found = verdict(model, swapped);
+  EXPECT_TRUE(std::any_of(found.reasons.begin(), found.reasons.end(),
+                          [](const std::string& text) { return text.find("swapped") != std::string::npos; }));
+}
+
 TEST(Verdict, SaysWhenNothingWasTested) {
   Ensemble data = noisy(5, 7);
   for (Index k = 0; k < data.steps(); ++k) data.output(k).setConstant(nan);

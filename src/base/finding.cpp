@@ -584,7 +584,7 @@ constexpr Entry table[] = {
     {Kind::gains_grow, "gains_grow", warning,
      [](const Finding& f) {
        return fmt::format(
-           "the Kalman gains at {} are up to {} times as large as the median gain. The outputs hardly determine a direction of the state at these steps. Use fewer states, or do not use the observer or a controller there",
+           "the Kalman gains at {} are up to {} times as large as usual. The outputs hardly determine a direction of the state at these steps. Use fewer states, or do not use the observer or a controller there",
            words::step_list(f.steps), times(number(f, "ratio")));
      }},
     {Kind::late_begin, "late_begin", note,

@@ -20,7 +20,7 @@ namespace {
 void check_names(const std::vector<std::string>& names, const char* what) {
   std::unordered_map<std::string_view, size_t> places;
   for (size_t i = 0; i < names.size(); ++i)
-    if (const auto [first, is_new] = places.try_emplace(names[i], i); !is_new)
+    if (const auto [first, is_new] = places.try_emplace(names[i], i); !is_new && !names[i].empty())
       throw std::invalid_argument(fmt::format("{}: \"{}\" found for the channels {} and {}, different names needed",
                                               what, words::quoted(names[i]), first->second + 1, i + 1));
 }

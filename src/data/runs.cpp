@@ -27,7 +27,10 @@ std::string subject(Index n, const std::string& name) { return "experiment " + w
 // Row k of the result holds the samples of step k.
 Matrix matrix_of(std::span<const double> samples, const Part& part, const std::string& run) {
   const Index count = Index(samples.size());
-  if (part.channels == 0 ? count > 0 : count % part.channels != 0)
+  if (part.channels == 0 && count > 0)
+    throw std::invalid_argument(fmt::format("{} of {}: {} found, none needed, because there is no {}", part.symbol, run,
+                                            words::plural(count, "sample"), part.channel));
+  if (part.channels > 0 && count % part.channels != 0)
     throw std::invalid_argument(fmt::format("{} of {}: {} found, a multiple of {} needed: one for each {} at each step",
                                             part.symbol, run, words::plural(count, "sample"), part.channels,
                                             part.channel));

@@ -428,6 +428,8 @@ Groups groups_of(Index steps, const ExcitationOptions& o) {
         if (k >= o.lags) group.push_back(k);
       if (!group.empty()) groups.push_back(std::move(group));
     }
+  } else if (o.sampled) {
+    for (const Index k : spread(1, steps, sampled_steps)) groups.push_back({k});
   } else {
     for (Index k = 0; k < steps; ++k) groups.push_back({k});
   }
@@ -457,7 +459,7 @@ Cases dependent_on_past(const Ensemble& e, const Inspection& inspect, const Grou
                         const ExcitationOptions& o) {
   const Index steps = e.steps();
   std::vector<Index> few;
-  if (o.period == 0) {
+  if (o.period == 0 && !o.sampled) {
     few = spread(1, steps, sampled_steps);
     few.insert(few.end(), o.dependent_steps.begin(), o.dependent_steps.end());
     for (Index k = 1; k < steps; ++k)
@@ -516,6 +518,7 @@ Excitation excitation(const Ensemble& e, const ExcitationOptions& o) {
   const std::vector<Case> together = dependent_together(e, inspect, groups, o).most(all, o.shared);
   const std::vector<Case> on_past = dependent_on_past(e, inspect, groups, o).most(all, o.shared);
   Excitation result;
+  result.places = all;
   report(together, false, e, inspect, o, result);
   report(on_past, true, e, inspect, o, result);
   std::sort(result.named.begin(), result.named.end());

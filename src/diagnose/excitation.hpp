@@ -16,12 +16,14 @@ struct ExcitationOptions {
   bool centred = true;                      // a mean motion is, or may be, removed
   bool noisy = false;                       // true: an input that follows exactly from outputs shows feedback
   bool shared = false;                      // the steps are coupled: a few dependent steps do no harm
+  bool sampled = false;                     // true: only some steps, spread evenly, are examined
   Index origin = 0;                         // number of the first step
   std::vector<Index> dependent_steps = {};  // steps whose inputs a regression has found dependent
 };
 
 struct Excitation {
   Findings findings;
+  Index places = 0;          // number of examined steps, or of phases of a period
   std::vector<Index> named;  // steps whose windows contain a reported dependence, ascending
 };
 

@@ -6,6 +6,7 @@
 #include "base/integers.hpp"
 #include "base/statistics.hpp"
 #include "data/subjects.hpp"
+#include "tokid/linalg.hpp"
 
 namespace tokid {
 
@@ -36,7 +37,8 @@ Findings findings_of_hidden_states(const Model& model, Index origin) {
 }
 
 Findings findings_of_gains(const Model& model) {
-  // Gains of observable states are closer to their median, unless the noise of the outputs varies as much.
+  // Gains of observable states are closer to their median. The reference is at least the gain that takes the outputs
+  // for exact, because gains decay to small values if there is no process noise.
   constexpr double many_times = 100.0;
   if (!model.has(&Step::has_K) || model.states() == 0) return {};
   // Gains are large until the outputs have determined unknown initial states.
@@ -44,16 +46,19 @@ Findings findings_of_gains(const Model& model) {
   std::vector<double> sizes;
   for (Index k = first; k < model.k_end(); ++k) sizes.push_back(model.at(k).K().norm());
   if (sizes.empty()) return {};
-  const double usual = statistics::median(sizes);
+  const double median = statistics::median(sizes);
   Finding found{.kind = Finding::Kind::gains_grow};
   double largest = 0.0;
-  for (size_t i = 0; i < sizes.size(); ++i)
-    if (sizes[i] > many_times * usual) {
-      found.steps.push_back(first + Index(i));
-      largest = std::max(largest, sizes[i]);
-    }
-  if (found.steps.empty() || !(usual > 0)) return {};
-  found.numbers = {{"ratio", largest / usual}};
+  for (size_t i = 0; i < sizes.size(); ++i) {
+    const Index k = first + Index(i);
+    const double exact = linalg::pseudo_inverse(model.at(k).C()).norm();
+    const double ratio = sizes[i] / std::max(median, exact);
+    if (!(ratio > many_times)) continue;
+    found.steps.push_back(k);
+    largest = std::max(largest, ratio);
+  }
+  if (found.steps.empty()) return {};
+  found.numbers = {{"ratio", largest}};
   return {std::move(found)};
 }
 

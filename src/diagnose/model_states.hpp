@@ -19,8 +19,8 @@ Findings findings_of_begin(const Model& model);
 // have fewer states, because states are not yet reached or no longer observed. `origin`: the number of the first step.
 Findings findings_of_hidden_states(const Model& model, Index origin = 0);
 
-// Reports steps whose Kalman gain is much larger than the median gain. The outputs hardly determine a direction of the
-// state there, and its error grows: the error of a stored number or of the model becomes large with it.
+// Reports steps whose Kalman gain is much larger than the median gain and the pseudoinverse of C_k. The outputs hardly
+// determine a direction of the state there, and its error grows, and with it the effect of rounding.
 Findings findings_of_gains(const Model& model);
 
 // Reports outputs that the model does not predict. `one_step_fit`: (m) [%]

@@ -8,58 +8,74 @@
 #include <optional>
 #include <vector>
 
-#include "base/statistics.hpp"
 #include "data/subjects.hpp"
 
 namespace tokid {
 
 namespace {
 
-// A constant end is reported only if it has this number of steps, and this multiple of the median over the experiments.
+// A constant end is reported only if it has this number of steps, and this multiple of the longest pause before it.
 constexpr double fewest_held = 8, times_usual_end = 3;
+// A channel that changes less often than this tells nothing about the end.
+constexpr Index fewest_changes = 3;
 // A jump by a turn differs from the turn by the motion of one step. All other motions are smaller than this share of a
 // turn, and the angles fill this share of it.
 constexpr double largest_motion = 0.25, least_range = 0.75;
 
-// A change is one from a sample to another sample. Samples that are missing tell nothing.
-struct Changes {
-  Index last = 0, before = 0;  // the last step with a change of a channel; the number of changes before it
-  Index end = 0;               // the first step after the last sample
+// The changes of a channel in an experiment, from a sample to the next one that is present.
+struct Course {
+  double value = std::numeric_limits<double>::quiet_NaN();  // of the last sample
+  Index last = 0, end = 0;  // the last step with a change; the step after the last sample
+  Index pause = 0;          // the longest time between two changes [steps]
+  Index changes = 0;
 };
 
-std::vector<Changes> changes(const Ensemble& e) {
-  const Index d = e.channels();
-  std::vector<Changes> result(static_cast<size_t>(e.experiments()));
-  for (Index k = 0; k < e.steps(); ++k)
-    for (Index n = 0; n < e.experiments(); ++n) {
-      Changes& own = result[size_t(n)];
-      bool changed = false;
-      for (Index c = 0; c < d; ++c) {
-        const double value = e.samples()(n, k * d + c);
-        if (std::isnan(value)) continue;
-        own.end = k + 1;
-        changed = changed || (k > 0 && std::abs(value - e.samples()(n, (k - 1) * d + c)) > 0);
-      }
-      if (!changed) continue;
-      own.before += own.last > 0;
-      own.last = k;
-    }
-  return result;
+// The step from which all channels of an experiment stay constant to its last sample, if that is no rest: at a rest,
+// the inputs stop before the outputs do. In a recording that was filled, all channels stop at once, each within the
+// longest pause that it has made before.
+std::optional<Index> early_end(const std::vector<Course>& channels, Index inputs) {
+  Index begin = 0, end = std::numeric_limits<Index>::max(), pause = 1;
+  for (const Course& c : channels) {
+    begin = std::max(begin, c.last);
+    end = std::min(end, c.end);  // a channel without samples tells nothing about the steps after it
+    if (c.changes >= fewest_changes) pause = std::max(pause, c.pause);
+  }
+  const auto stops = [&](auto first, auto last) {
+    return std::any_of(first, last, [](const Course& c) { return c.changes >= fewest_changes; }) &&
+           std::all_of(first, last, [&](const Course& c) {
+             return c.changes < fewest_changes || begin - c.last < std::max<Index>(1, c.pause);
+           });
+  };
+  if (!stops(channels.begin(), channels.begin() + inputs) || !stops(channels.begin() + inputs, channels.end()))
+    return std::nullopt;
+  const double held = double(end - begin);
+  if (held < fewest_held || held < times_usual_end * double(pause)) return std::nullopt;
+  return begin;
 }
 
 std::optional<Finding> early_ends(const Ensemble& e, Index origin) {
-  const std::vector<Changes> found = changes(e);
-  std::vector<double> held;
-  for (const Changes& own : found) held.push_back(double(own.end - own.last));
-  if (held.size() < 2) return std::nullopt;
-  const double usual = statistics::median(held);
+  const Index d = e.channels();
+  std::vector<std::vector<Course>> courses(size_t(e.experiments()), std::vector<Course>(static_cast<size_t>(d)));
+  for (Index k = 0; k < e.steps(); ++k)
+    for (Index n = 0; n < e.experiments(); ++n)
+      for (Index c = 0; c < d; ++c) {
+        const double value = e.samples()(n, k * d + c);
+        if (std::isnan(value)) continue;
+        Course& own = courses[size_t(n)][size_t(c)];
+        if (std::abs(value - own.value) > 0) {
+          if (own.changes > 0) own.pause = std::max(own.pause, k - own.last);
+          own.last = k;
+          ++own.changes;
+        }
+        own.value = value;
+        own.end = k + 1;
+      }
   Finding result{.kind = Finding::Kind::experiments_end_early};
-  for (Index n = 0; n < e.experiments(); ++n) {
-    const Changes& own = found[size_t(n)];
-    if (own.before == 0 || held[size_t(n)] < fewest_held || held[size_t(n)] < times_usual_end * usual) continue;
-    result.experiments.push_back({n, e.experiment_name(n)});
-    result.steps.push_back(origin + own.last);
-  }
+  for (Index n = 0; n < e.experiments(); ++n)
+    if (const std::optional<Index> begin = early_end(courses[size_t(n)], e.inputs())) {
+      result.experiments.push_back({n, e.experiment_name(n)});
+      result.steps.push_back(origin + *begin);
+    }
   if (result.experiments.empty()) return std::nullopt;
   return result;
 }
@@ -101,9 +117,10 @@ std::optional<Finding> turns(const Ensemble& e, Index j, double turn, Index orig
 
 }  // namespace
 
-Findings findings_of_recording(const Ensemble& e, Index origin) {
+Findings findings_of_recording(const Ensemble& e, Index origin, bool to_the_end) {
   Findings result;
-  if (auto found = early_ends(e, origin)) result.push_back(*std::move(found));
+  if (to_the_end)
+    if (auto found = early_ends(e, origin)) result.push_back(*std::move(found));
   for (Index j = 0; j < e.outputs(); ++j)
     for (const double turn : {2 * std::numbers::pi, 360.0})
       if (auto found = turns(e, j, turn, origin)) result.push_back(*std::move(found));

@@ -7,9 +7,10 @@
 
 namespace tokid {
 
-// Reports experiments whose channels all stay constant to the end, although those of other experiments move: these runs
-// stopped early, and their ends were filled with zeros or with the last value. Also reports outputs that jump by a
-// whole turn, because they are angles between two limits. `origin`: the step of the data at which the ensemble begins.
-Findings findings_of_recording(const Ensemble& ensemble, Index origin = 0);
+// Reports experiments whose channels all stay constant to the end from the same step on: these runs stopped early, and
+// their ends were filled with zeros or with the last value. Also reports outputs that jump by a whole turn, because
+// they are angles between two limits. `origin`: the step of the data at which the ensemble begins. `to_the_end`: the
+// ensemble ends with the data.
+Findings findings_of_recording(const Ensemble& ensemble, Index origin = 0, bool to_the_end = true);
 
 }  // namespace tokid

@@ -129,12 +129,13 @@ template <class Archive, class E>
 requires std::is_same_v<std::remove_const_t<E>, Examined>
 void fields(Archive& archive, E& e) { archive(e.findings, e.stuck, e.outliers); }
 
-// `found`: the identification of the stretch; empty if it failed. `plan`: that of all blocks.
-Examined examined(const Part& part, const std::optional<Identification>& found, const Plan& plan, bool states_asked) {
+// `found`: the identification of the stretch; empty if it failed. `plan`: that of all blocks. `steps`: of the data.
+Examined examined(const Part& part, const std::optional<Identification>& found, const Plan& plan, bool states_asked,
+                  Index steps) {
   Examined result;
   const Ensemble& whole = part.whole;
   append(result.findings, findings_of_dependent_outputs(whole, part.begin));
-  append(result.findings, findings_of_recording(whole, part.begin));
+  append(result.findings, findings_of_recording(whole, part.begin, part.begin + whole.steps() == steps));
   StuckOutputs stuck = stuck_outputs(whole, part.begin);
   result.stuck = std::move(stuck.experiments);
   append(result.findings, std::move(stuck.findings));
@@ -154,11 +155,11 @@ Examined examined(const Part& part, const std::optional<Identification>& found, 
 // Examines the stretches. Each member of the team examines those that it has identified. Only the first member has the
 // plan, and gets what all stretches tell.
 std::vector<Examined> examined(const std::vector<Part>& parts, const std::vector<std::optional<Identification>>& found,
-                               const Plan& of_first, bool states_asked, const Team& team) {
+                               const Plan& of_first, bool states_asked, Index steps, const Team& team) {
   const auto plan = archive::unpacked<Plan>(team.broadcast(archive::packed(of_first)));
   std::map<Index, Examined> mine;
   for (size_t i = size_t(team.rank); i < parts.size(); i += size_t(team.size))
-    mine.emplace(Index(i), examined(parts[i], found[i], plan, states_asked));
+    mine.emplace(Index(i), examined(parts[i], found[i], plan, states_asked, steps));
   std::vector<Examined> result(parts.size());
   for (const std::string& member : team.gather(archive::packed(mine)))
     for (auto& [i, own] : archive::unpacked<std::map<Index, Examined>>(member)) result[size_t(i)] = std::move(own);
@@ -343,7 +344,8 @@ Decision decide(const EnsembleFile& file, const IdentifyOptions& options, const 
   const std::vector<std::optional<Identification>> of_stretches = identified(parts, o, team);
   Decision result;
   if (team.rank == 0) result = joint_decision(file, of_stretches, options, parts);
-  std::vector<Examined> told = examined(parts, of_stretches, result.plan, options.states.has_value(), team);
+  std::vector<Examined> told =
+      examined(parts, of_stretches, result.plan, options.states.has_value(), file.steps(), team);
   if (team.rank > 0) return {};
   report(parts, std::move(told), result.evidence);
   if (is_constant(result.plan)) result.plan.choices = NoisyChoices{{stiff, 0}, SubspaceOptions::state_share * stiff};

@@ -180,6 +180,7 @@ class Record {
     }
     add(findings_of_absent_states(model));
     add(findings_of_begin(model));
+    add(findings_of_gains(model));
     add(findings_of_fit(result.validation.one_step.fit, file_.names()));
   }
 

@@ -97,6 +97,7 @@ OutlyingSampleCollector::OutlyingSampleCollector(const Model& model, const Ensem
       together_(ceil_div(enough, std::max<Index>(1, data.experiments()))),
       is_misfit_(size_t(data.experiments()), false),
       gap_(size_t(data.experiments()), -1),
+      start_(size_t(data.experiments()), -1),
       until_certain_(size_t(data.experiments()), 0),
       unreliable_(size_t(data.experiments())),
       usual_(Matrix::Constant(data.steps(), data.outputs(), nan)),
@@ -139,6 +140,7 @@ void OutlyingSampleCollector::collect(Index k, const Matrix& innovation) {
     } else {
       // The first predictions from the mean of unknown initial states have the errors of this mean. If samples before
       // the first prediction are missing, the other samples may determine an unknown state only weakly.
+      if (gap < 0) start_[size_t(n)] = k;
       const bool begins = gap < 0 && (begins_anywhere_ || data_.samples().row(n).head(k * data_.channels()).hasNaN());
       if (begins || gap > 1) restarts_.back().push_back(n);
       gap = 0;
@@ -181,6 +183,7 @@ void OutlyingSampleCollector::test_block(size_t from) {
       bool any = false;
       for (Index j = 0; j < m; ++j) any = any || far_off(j);
       Index& left = until_certain_[size_t(n)];
+      if (begins_anywhere_ && k == start_[size_t(n)] + window_) left = 0;
       if (!any) {
         if (left > 0 && !block_[i].row(n).array().isNaN().all()) --left;
       } else if (left > 0) {

@@ -45,7 +45,7 @@ class OutlyingSampleCollector {
   const Ensemble& data_;
   std::optional<InitialState> initial_state_;
   bool begins_anywhere_;  // predictions begin at the mean of unknown initial states
-  Vector spread_;  // (m) spread of the outputs
+  Vector spread_;         // (m) spread of the outputs
   // The steps so far have no error of consequence. Nothing of them is kept; if an error of consequence follows, they
   // are predicted again. Without noise the medians of all steps are thus never needed.
   bool quiet_ = true;
@@ -54,8 +54,10 @@ class OutlyingSampleCollector {
   Index window_, shown_, together_;
   std::vector<bool> is_misfit_;  // (N)
   std::vector<Index> gap_;       // (N) length of the present gap [steps]; -1: no prediction yet
-  // After a gap, or a start with missing samples or from an unknown state, the state is uncertain. The state is certain again after enough right
-  // predictions in a row to determine all of it.
+  std::vector<Index> start_;     // (N) step of the first prediction
+  // After a gap, or a start with missing samples or from an unknown state, the state is uncertain. The state is certain
+  // again after enough right predictions in a row to determine all of it, and after an unknown state at the latest when
+  // a window of outputs has determined it.
   std::vector<Index> until_certain_;            // (N) right predictions still needed
   std::vector<std::vector<Index>> unreliable_;  // (N) steps with large errors of an uncertain state
   std::vector<std::vector<Index>> restarts_;    // for each step of the block: experiments whose state becomes uncertain

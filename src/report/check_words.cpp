@@ -209,6 +209,10 @@ class Words {
     const Index assessed = Index(bound()), others = count("inputs") - assessed;
     std::string found = check_.untested ? "" : count_of(Index(value()), assessed, "input");
     if (others > 0) found += fmt::format(", too few samples of {}", plural(others, "other input"));
+    for (const CheckFigure& figure : check_.figures)
+      if (figure.name == "dependent" && !figure.kept())
+        found +=
+            fmt::format(", of which {} from other samples", figure.values.front() > 1 ? "some follow" : "one follows");
     if (number("over_time") > 0) return {"Inputs that vary over time or between the experiments", found, "all"};
     return {"Inputs that vary between the experiments at every step", found,
             fmt::format(

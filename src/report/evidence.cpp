@@ -114,18 +114,31 @@ void assess_inputs(const Model& model, const Ensemble& data, Evidence& found) {
   }
 }
 
-Findings dependent_inputs(const Model& model, const Ensemble& data, bool noisy) {
-  Findings result = excitation(data, {.lags = std::max<Index>(1, model.states()),
-                                      .period = model.period,
-                                      .centred = model.period == 0 || model.y_nominal.rows() > 0,
-                                      .noisy = noisy,
-                                      .shared = model.period == 0})
-                        .findings;
-  const Index places = model.period > 0 ? model.period : data.steps();
-  std::erase_if(result, [&](const Finding& f) {
-    const bool hides = f.kind == Finding::Kind::inputs_dependent || f.kind == Finding::Kind::input_feedback;
-    return !hides || (model.period != 1 && 2 * Index(f.steps.size()) < places);
-  });
+// Inputs that are the same function of other samples at half of the steps or more. Some steps are examined, which takes
+// no longer with more steps.
+Findings dependent_inputs(const Model& model, const Ensemble& data, const Evidence& evidence) {
+  const Excitation found =
+      excitation(data, {.lags = std::max<Index>(1, evidence.lags > 0 ? evidence.lags : model.states()),
+                        .period = model.period,
+                        .centred = model.period == 0 || model.y_nominal.rows() > 0,
+                        .noisy = evidence.noisy,
+                        .shared = model.period == 0,
+                        .sampled = model.period == 0});
+  Findings result;
+  for (const Finding& f : found.findings) {
+    // Without noise, outputs are functions of the inputs. An input that follows from them need not be a feedback.
+    const bool hides =
+        f.kind == Finding::Kind::inputs_dependent || (f.kind == Finding::Kind::input_feedback && evidence.noisy);
+    const Index steps = Index(f.steps.size());
+    if (!hides || (model.period != 1 && 2 * steps < found.places)) continue;
+    result.push_back(f);
+    if (model.period == 0 && steps == found.places) {  // at all examined steps: at those between them too
+      std::vector<Index>& all = result.back().steps;
+      for (Index k = all.front() + 1; k < f.steps.back(); ++k) all.push_back(k);
+      std::sort(all.begin(), all.end());
+      all.erase(std::unique(all.begin(), all.end()), all.end());
+    }
+  }
   return result;
 }
 
@@ -146,13 +159,14 @@ double stated_error(const Model& model, const Vector& spread, Index k) {
   return std::sqrt((variance.array() / spread.array().square()).mean());
 }
 
-// Finds the steps with unusually large errors, which a mean over all samples hides, and the steps without a comparison.
-void assess_errors(const Model& model, const Ensemble& data, const Vector& spread, Evidence& found) {
+// Finds the steps from `first_step` on with unusually large errors, which a mean over all samples hides, and the steps
+// without a comparison.
+void assess_errors(const Model& model, const Ensemble& data, const Vector& spread, Index first_step, Evidence& found) {
   const double usual = finite_median(found.step_error);
   const Index freedom = found.samples - found.unknowns;
   found.step_excess.assign(size_t(data.steps()), nan);
   found.noise_excess = found.step_excess;
-  for (Index k = model.k_begin; k < model.k_end(); ++k) {
+  for (Index k = std::max(model.k_begin, first_step); k < model.k_end(); ++k) {
     const double error = k < data.steps() ? found.step_error[size_t(k)] : nan;
     if (std::isnan(error)) {
       found.untested.push_back(k);
@@ -257,7 +271,7 @@ Evidence evidence(const Model& model, const Tested& tested, Comparison compared)
   found.samples = found.identified_from * (model.period > 0 ? std::max<Index>(1, data.steps() / model.period) : 1);
   assess_regressions(model, found);
   assess_inputs(model, data, found);
-  found.dependent_inputs = dependent_inputs(model, data, found.noisy);
+  found.dependent_inputs = dependent_inputs(model, data, found);
   found.differences = differences(model, data);
   if (auto swapped = swapped_axes(data)) found.differences.push_back(*std::move(swapped));
   found.conclusions = conclusions(compared.validation, found.names);
@@ -281,7 +295,7 @@ Evidence evidence(const Model& model, const Tested& tested, Comparison compared)
   found.simulated = std::move(compared.simulated);
   found.fits = std::move(compared.experiments);
   found.step_error = relative_errors(found.prediction.innovations, spread);
-  assess_errors(model, data, spread, found);
+  assess_errors(model, data, spread, options.first_step, found);
   return found;
 }
 

@@ -560,6 +560,7 @@ class Assessment {
     result.numbers = {{"inputs", double(model_.inputs)}, {"over_time", found_.inputs_over_time ? 1.0 : 0.0}};
     if (std::any_of(found_.input_spread.begin(), found_.input_spread.end(), [](double v) { return !std::isnan(v); }))
       result.figures.push_back({"spread", found_.input_spread, Rule::at_least, bounds::weak_input});
+    result.figures.push_back({"dependent", {double(found_.dependent_inputs.size())}, Rule::at_most, 0.0});
     if (model_.inputs == 0) return untested(std::move(result), Untested::no_inputs);
     if (found_.assessed_inputs == 0) return untested(std::move(result), Untested::few_input_samples);
     if (!result.kept()) result.result = Trust::look_closer;
@@ -605,7 +606,7 @@ class Assessment {
 
   void innovations() {
     for (Check& check : innovation_checks(found_.conclusions, found_.validation))
-      add(check.kind == Kind::gains && !found_.dependent_inputs.empty()
+      add(check.kind == Kind::gains && check.result == Trust::good && !found_.dependent_inputs.empty()
               ? untested(std::move(check), Untested::dependent_inputs)
               : std::move(check));
   }
