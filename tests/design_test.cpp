@@ -453,7 +453,9 @@ TEST(Design, AModelThatBeginsLaterPlansItsOwnSteps) {
     EXPECT_EQ(result.first_step, state == InitialState::zero ? 0 : 2);
     EXPECT_EQ(mentions(result.reasons, "a model of the data begins at step 2"), state == InitialState::unknown);
     EXPECT_EQ(mentions(result.reasons, "zero initial states"), state == InitialState::zero);
-    EXPECT_TRUE(mentions(result.findings, "begins at step 5, so windows before step 7 are neither forecast nor"));
+    EXPECT_TRUE(mentions(
+        result.findings,
+        "begins at step 5, so tokid computes no forecasts and no optimal inputs for the windows before step 7"));
     // The inputs are judged from the first regression on, the windows from the first whose lags the model knows.
     EXPECT_EQ(result.first_forecast, 7);
     GtvArxOptions how;

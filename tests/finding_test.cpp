@@ -44,13 +44,13 @@ TEST(Finding, SentencesAreComplete) {
               .names = {"a", "b"},
               .detail = "words"};
   for (const char* name :
-       {"agreement", "asked",        "begin",  "bias",    "bound",        "condition",   "constant",   "count",
-        "courses",   "data",         "dt",     "end",     "error",        "experiments", "failed",     "first",
-        "fit",       "found",        "gain",   "gaps",    "horizon",      "inputs",      "iterations", "sampled",
-        "lags",      "largest_lags", "last",   "length",  "lags_outputs", "model",       "most",       "needed",
-        "outputs",   "period",       "rank",   "ratio",   "recommended",  "regressors",  "replicates", "share",
-        "smoothing", "stated",       "states", "step",    "steps",        "sufficient",  "unknowns",   "usual",
-        "value",     "varying",      "wanted", "windows", "held_out",     "weight"})
+       {"agreement", "asked",        "begin",   "bias",   "bound",        "condition",   "constant",   "count",
+        "courses",   "data",         "dt",      "end",    "error",        "experiments", "failed",     "first",
+        "fit",       "found",        "gain",    "gaps",   "horizon",      "inputs",      "iterations", "sampled",
+        "lags",      "largest_lags", "last",    "length", "lags_outputs", "model",       "most",       "needed",
+        "outputs",   "period",       "rank",    "ratio",  "recommended",  "regressors",  "replicates", "share",
+        "smoothing", "stated",       "states",  "step",   "steps",        "sufficient",  "unknowns",   "usual",
+        "turn",      "value",        "varying", "wanted", "windows",      "held_out",    "weight"})
     all.numbers[name] = 2.0;
   for (const Kind kind : kinds()) {
     all.kind = kind;

@@ -388,7 +388,7 @@ TEST(Identify, MissingSamplesAndUnequalLengthsCostOnlyTheRowsTheyTouch) {
   // Where too few experiments are left, the tool says at which steps.
   for (Index n = 5; n < 60; ++n) e.y(n, 20, 0) = nan;
   EXPECT_TRUE(mentions(identify(e, {.states = 4, .lags = 2}).findings,
-                       "fewer experiments than the 10 unknowns at steps 20–22"));
+                       "fewer experiments than the regression has unknowns (10) at steps 20–22"));
 }
 
 TEST(Identify, FramesAreAppliedAndNamed) {

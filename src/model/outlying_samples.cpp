@@ -138,14 +138,18 @@ void OutlyingSampleCollector::collect(Index k, const Matrix& innovation) {
     if (innovation.row(n).array().isNaN().all()) {
       if (gap >= 0) ++gap;
     } else {
-      // The first predictions from the mean of unknown initial states have the errors of this mean. If samples before
-      // the first prediction are missing, the other samples may determine an unknown state only weakly.
       if (gap < 0) start_[size_t(n)] = k;
-      const bool begins = gap < 0 && (begins_anywhere_ || data_.samples().row(n).head(k * data_.channels()).hasNaN());
+      // If samples before the first prediction are missing, the other samples may determine an unknown state only
+      // weakly.
+      const bool begins = gap < 0 && data_.samples().row(n).head(k * data_.channels()).hasNaN();
       if (begins || gap > 1) restarts_.back().push_back(n);
       gap = 0;
     }
-    if (is_misfit_[size_t(n)]) block_.back().row(n).setConstant(nan);
+    // The first predictions from the mean of unknown initial states have the errors of this mean. They are not tested,
+    // until a window of outputs has determined the state.
+    const bool uncertain = begins_anywhere_ && k < start_[size_t(n)] + window_;
+    if (uncertain) unreliable_[size_t(n)].push_back(k);
+    if (uncertain || is_misfit_[size_t(n)]) block_.back().row(n).setConstant(nan);
   }
   if (Index(block_.size()) < together_) return;
   test_block(0);
@@ -183,7 +187,6 @@ void OutlyingSampleCollector::test_block(size_t from) {
       bool any = false;
       for (Index j = 0; j < m; ++j) any = any || far_off(j);
       Index& left = until_certain_[size_t(n)];
-      if (begins_anywhere_ && k == start_[size_t(n)] + window_) left = 0;
       if (!any) {
         if (left > 0 && !block_[i].row(n).array().isNaN().all()) --left;
       } else if (left > 0) {

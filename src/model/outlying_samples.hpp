@@ -55,11 +55,10 @@ class OutlyingSampleCollector {
   std::vector<bool> is_misfit_;  // (N)
   std::vector<Index> gap_;       // (N) length of the present gap [steps]; -1: no prediction yet
   std::vector<Index> start_;     // (N) step of the first prediction
-  // After a gap, or a start with missing samples or from an unknown state, the state is uncertain. The state is certain
-  // again after enough right predictions in a row to determine all of it, and after an unknown state at the latest when
-  // a window of outputs has determined it.
+  // After a gap, or a start with missing samples, the state is uncertain. The state is certain again after enough right
+  // predictions in a row to determine all of it.
   std::vector<Index> until_certain_;            // (N) right predictions still needed
-  std::vector<std::vector<Index>> unreliable_;  // (N) steps with large errors of an uncertain state
+  std::vector<std::vector<Index>> unreliable_;  // (N) steps of an uncertain state that are not tested
   std::vector<std::vector<Index>> restarts_;    // for each step of the block: experiments whose state becomes uncertain
   std::vector<Matrix> block_, previous_;        // innovations, NaN where they are not tested
   Index begin_ = 0;                             // first step of the block

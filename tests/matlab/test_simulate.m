@@ -163,7 +163,7 @@ model = known(8, 3, 2, 2);
 model.input_names = {'a'; 'b'};
 u = randn(5, 8, 2);
 silent(@() tokid.simulate(model, u));
-warns('tokid:simulate', 'no step of the data has outputs of the model', @() tokid.simulate(model, nan(5, 8, 2)));
+warns('tokid:simulate', 'the model gives no output at any step of the data', @() tokid.simulate(model, nan(5, 8, 2)));
 warns('tokid:simulate', 'dt = 0.2 s differs from the model''s dt = 0.1 s', @() tokid.simulate(model, u, 'dt', 0.2));
 warns('tokid:simulate', 'inputs are named a, c, the model''s a, b', ...
       @() tokid.simulate(model, u, 'input_names', {'a', 'c'}));
