@@ -3,6 +3,7 @@
 
 #include <array>
 #include <regex>
+#include <string>
 #include <utility>
 
 namespace tokid::python {
@@ -14,21 +15,27 @@ struct Wording {
   const char* python;
 };
 
-// The options of the tool that messages of the library name, longer phrases first.
-const std::array<Wording, 12>& wordings() {
-  static const std::array<Wording, 12> table{{
-      {std::regex("--inputs 'A,B' --outputs 'C,D'"), "inputs=['A', 'B'], outputs=['C', 'D']"},
-      {std::regex("--missing ('[^']*')"), "missing=$1"},
-      {std::regex("--no-feedthrough"), "feedthrough=False"},
-      {std::regex("--feedthrough"), "feedthrough=True"},
-      {std::regex("--time-invariant"), "period='invariant'"},
-      {std::regex("--period P"), "period=P"},
-      {std::regex("--weighting one-step or many-steps"), "weighting='one-step' or 'many-steps'"},
-      {std::regex("--(method|dates) ([a-z]+(-first)?)"), "$1='$2'"},
-      {std::regex("(call|identify) with --block all"), "call tokid.identify"},
-      {std::regex("(tokid )?identify --state"), "tokid.identify(keep_state=True)"},
-      {std::regex("(tokid )?identify --resume"), "tokid.identify_file(resume=True)"},
-      {std::regex("--(experiments|lags|trigger)"), "$1"},
+// Words of the tool between blanks or in brackets. They are not part of the name of a file or a column, such as
+// 'run--trigger.csv'.
+std::regex of_tool(const std::string& words) { return std::regex("(^|[ (])" + words + "(?![\\w/-]|\\.\\w)"); }
+
+// The options of the tool that messages of the library name, longer phrases first. $1 is what stands before them.
+const std::array<Wording, 14>& wordings() {
+  static const std::array<Wording, 14> table{{
+      {of_tool("--inputs 'A,B' --outputs 'C,D'"), "$1inputs=['A', 'B'], outputs=['C', 'D']"},
+      {of_tool("--missing ('[^']*')"), "$1missing=$2"},
+      {of_tool("--experiment-column ('[^']*')"), "$1experiment_column=$2"},
+      {of_tool("--no-feedthrough"), "$1feedthrough=False"},
+      {of_tool("--feedthrough"), "$1feedthrough=True"},
+      {of_tool("--time-invariant"), "$1period='invariant'"},
+      {of_tool("--period P"), "$1period=P"},
+      {of_tool("--weighting one-step or many-steps"), "$1weighting='one-step' or 'many-steps'"},
+      {of_tool("--(method|dates) ([a-z]+(-first)?)"), "$1$2='$3'"},
+      {of_tool("(call|identify) with --block all"), "$1call tokid.identify"},
+      {of_tool("(tokid )?identify --state"), "$1tokid.identify(keep_state=True)"},
+      {of_tool("(tokid )?identify --resume"), "$1tokid.identify_file(resume=True)"},
+      {of_tool("tokid update reads state files"), "$1tokid.UpdateState.load reads state files"},
+      {of_tool("--(experiments|lags|trigger)"), "$1$2"},
   }};
   return table;
 }

@@ -21,7 +21,16 @@ WORDS = {
     "use --weighting one-step or many-steps": "use weighting='one-step' or 'many-steps'",
     "Try --method subspace or --lags": "Try method='subspace' or lags",
     "Delete them, or identify with --block all": "Delete them, or call tokid.identify",
+    "state --experiment-column 'run', or rename it": "state experiment_column='run', or rename it",
     "column 'a--b' found": "column 'a--b' found",
+    "--lags": "lags",
+    "State --method subspace.": "State method='subspace'.",
+    "a state file of identify --state found; only tokid update reads state files":
+        "a state file of tokid.identify(keep_state=True) found; only tokid.UpdateState.load reads state files",
+    **{text: text for text in ["run--trigger.csv: no such file", "test--feedthrough.npz: no such file",
+                               "--lags.csv: no such file", "runs/--trigger/a.csv: no such file",
+                               "--trigger/a.csv: no such file",
+                               "my --trigger-2.csv: no such file", "column 'u--lags' found"]},
 }
 
 
