@@ -1,25 +1,35 @@
 function text = in_matlab(text)
-% text = tokid.internal.in_matlab(text) gives a message of the tool in the terms of MATLAB: names of options as they are
-% given here, help for functions, and the calls that bring axes into order.
+% text = tokid.internal.in_matlab(text) gives a message of the tool in the terms of MATLAB: names of options that the
+% functions have, help for functions, and the calls that bring axes into order.
 
 % SPDX-License-Identifier: BSD-3-Clause
 
 text = regexprep(text, 'see ''tokid ([a-z]+) --help''', 'see ''help tokid.$1''');
+text = strrep(text, '--inputs ''A,B'' --outputs ''C,D''', '''inputs'', {''A'', ''B''}, ''outputs'', {''C'', ''D''}');
 text = regexprep(text, '--no-(feedthrough|refine)(?![\w-])', '''$1'', false');
 % Not within the name of a file, such as './--x' or '--x.mat'.
-[rest, names] = regexp(text, '(?<![\w./''"-])--[a-z][a-z0-9-]*(?![\w.-]*\.\w)', 'split', 'match');
-names = cellfun(@(name) ['''', strrep(name(3:end), '-', '_'), ''''], names, 'UniformOutput', false);
-pieces = [rest; [names, {''}]];
-text = [pieces{:}];
-text = regexprep(text, '^''(\w+)'':', 'option ''$1'':');
+[rest, found] = regexp(text, '(?<![\w./''"-])--[a-z][a-z0-9-]*(?![\w.-]*\.\w)', 'split', 'match');
+names = cellfun(@(name) strrep(name(3:end), '-', '_'), found, 'UniformOutput', false);
+here = ismember(names, tokid.internal.all_options());
+words = found;
+words(here) = cellfun(@(name) ['''', name, ''''], names(here), 'UniformOutput', false);
+pieces = [rest; [words, {''}]];
+text = regexprep([pieces{:}], '^''(\w+)'':', 'option ''$1'':');
 
-order = regexp(text, 'not \((N, channels, T|T, N, channels)\)', 'tokens', 'once');
-if isempty(order)
-  return
-elseif strcmp(order{1}, 'T, N, channels')
-  text = [text, '. If so, swap them by u = permute(u, [2 1 3]) and y = permute(y, [2 1 3])'];
-else
-  text = [text, '. If so, swap them by permute(u, [1 3 2]) and permute(y, [1 3 2]), or by permute(u, [3 1 2]) and ' ...
-                'permute(y, [3 1 2]) if the axes are (T, channels, N)'];
+% Options for recordings in .csv files, which only the tool has
+alone = {'time', 'experiment_column', 'missing', 'dates', 'trigger', 'before', 'resample', 'resample_method', 'held', ...
+         'longest_gap'};
+alone = found(ismember(names, alone));
+if ~isempty(alone)
+  text = sprintf(['%s. The functions for MATLAB do not have %s. Convert the file by ''tokid convert'' with this ' ...
+                  'option, and read the result'], text, alone{1});
 end
+
+% The calls of permute that bring the axes into order
+order = '(not \(experiments, channels, steps\))';
+text = regexprep(text, order, ['$1. Reorder the axes by permute(u, [1 3 2]) and permute(y, [1 3 2]), or by ' ...
+                               'permute(u, [3 1 2]) and permute(y, [3 1 2]) if the axes are (T, channels, N)'], 'once');
+order = '(not \(steps, experiments, channels\))';
+text = regexprep(text, order, ['$1. Reorder the axes by u = permute(u, [2 1 3]) and ' ...
+                               'y = permute(y, [2 1 3])'], 'once');
 end
