@@ -219,6 +219,8 @@ REFUSED = [
     (lambda u, y: tokid.Ensemble([u[0], u[1, :4]], [y[0], y[1, :4], y[2]]), "y: 3 experiments found, 2 needed as in u"),
     (lambda u, y: tokid.Ensemble([u[0], u[1, :4]], y[0]), "y: shape (7, 3) found, a list of N experiments (T, m) needed"),
     (lambda u, y: tokid.Ensemble([u[0], u[1, :4, :1]]), "u[1]: shape (4, 1) found, (T, 2) needed as in u[0]"),
+    (lambda u, y: tokid.Ensemble([np.array(1.0), u[0]]), "u: lists of unequal lengths found, an array of real numbers needed"),
+    (lambda u, y: tokid.Ensemble([np.array(1.0), np.array(2.0)]), "u: shape (2,) found, (N, T, r) needed"),
     (lambda u, y: tokid.Ensemble([u[0], "abc"]), "u[1]: an array of <U3 found, real numbers needed"),
     (lambda u, y: tokid.Ensemble([u[0], u[1, :4]], length=[7, 4]),
      "length: found beside a list of experiments, whose lengths are known"),

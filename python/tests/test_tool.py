@@ -337,6 +337,8 @@ def test_python_runs_the_tool_of_its_package(package, tmp_path, tool, folder, pr
     run = package(tmp_path / folder)
     (tmp_path / program).parent.mkdir(parents=True)
     (tmp_path / program).symlink_to(os.environ["TOKID"])
+    if folder == "build/python":
+        (tmp_path / "build/CMakeCache.txt").touch()
     done = run("--version")
     assert (done.returncode, done.stdout, done.stderr) == (0, tool("--version"), "")
     assert run("example", "oscillator", "-o", "a b.npz", "--experiments", 40, "--steps", 30).returncode == 0
@@ -350,6 +352,17 @@ def test_python_runs_the_tool_with_which_the_package_was_linked(package, tmp_pat
     run = package(tmp_path / "target")
     (tmp_path / "target/tokid/installed-tool.txt").write_text(os.environ["TOKID"] + "\n")
     assert run("--version").stdout == tool("--version")
+
+
+@pytest.mark.parametrize("program, mode", [("bin/tokid", 0o755), ("target/bin/tokid", 0o644)])
+def test_python_runs_no_foreign_program(package, tmp_path, program, mode):
+    """A program two folders above the package belongs to it only in a build tree."""
+    run = package(tmp_path / "target")
+    (tmp_path / program).parent.mkdir(parents=True)
+    (tmp_path / program).write_text("#!/bin/sh\necho foreign\n")
+    (tmp_path / program).chmod(mode)
+    done = run("--version")
+    assert (done.returncode, done.stdout) == (1, "") and "no command line tool was installed" in done.stderr
 
 
 def test_python_says_that_the_tool_is_missing(package, tmp_path):
@@ -366,5 +379,7 @@ def test_the_tool_that_pip_installed_is_found(tmp_path, monkeypatch):
     (site / "tokid-1.2.3.dist-info/METADATA").write_text("Metadata-Version: 2.1\nName: tokid\nVersion: 1.2.3\n")
     (site / "tokid-1.2.3.dist-info/RECORD").write_text("tokid/__init__.py,,\n../../../bin/tokid,,\n")
     monkeypatch.syspath_prepend(str(site))
-    found = tokid.__main__.places(site / "tokid")[-1]
-    assert found.resolve() == tmp_path / "bin" / "tokid"
+    found = [path.resolve() for path in tokid.__main__.places(site / "tokid")]
+    assert found == [site / "bin" / "tokid", tmp_path / "bin" / "tokid"]
+    other = tokid.__main__.places(tmp_path / "other" / "tokid")  # not the package that pip lists
+    assert other == [tmp_path / "other" / "bin" / "tokid"]

@@ -53,7 +53,7 @@ def are_runs(values: Any) -> bool:
             return False
     elif not isinstance(values, (list, tuple)):
         return False
-    if not all(hasattr(one, "__len__") for one in values):
+    if not all(hasattr(one, "__len__") and getattr(one, "ndim", 1) > 0 for one in values):
         return False
     return len({len(one) for one in values}) > 1 or any(isinstance(one, np.ma.MaskedArray) for one in values)
 

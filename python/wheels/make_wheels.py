@@ -236,6 +236,8 @@ def need_command(wheel):
         head = archive.read(tools[0])[:20]
         need(head[:4] == b"\x7fELF" and int.from_bytes(head[18:20], "little") == number,
              f"{wheel.name}: {tools[0]} is no program for {machine}")
+        need(int.from_bytes(head[16:18], "little") == 3,  # ET_DYN
+             f"{wheel.name}: {tools[0]} is not position-independent. Link it with -pie")
         need(archive.getinfo(tools[0]).external_attr >> 16 & 0o111, f"{wheel.name}: {tools[0]} is not executable")
         need("tokid/__main__.py" in names, f"{wheel.name} has no tokid/__main__.py, which python -m tokid runs")
 

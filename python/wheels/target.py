@@ -125,7 +125,8 @@ set(CMAKE_FIND_ROOT_PATH_MODE_PACKAGE ONLY)
         """tokid itself, the library and the command line tool, installed in root."""
         cmake_build(source, self.directory / "tokid", *self.options, "-DTOKID_BUILD_TOOL=ON", "-DTOKID_BUILD_EXAMPLES=OFF",
                     "-DTOKID_BUILD_TESTS=OFF",
-                    # A wheel needs no symbols of a debugger, and the tool no path to a library.
-                    "-DCMAKE_EXE_LINKER_FLAGS=-s", "-DCMAKE_SKIP_INSTALL_RPATH=ON",
+                    # A wheel needs no symbols of a debugger, and the tool no path to a library. With -pie, the system
+                    # loads the tool at random addresses.
+                    "-DCMAKE_EXE_LINKER_FLAGS=-s -pie", "-DCMAKE_SKIP_INSTALL_RPATH=ON",
                     # Boost's long double overflows in gamma_q here: tokid.paper() failed. Doubles are enough.
                     "-DCMAKE_CXX_FLAGS=-DBOOST_MATH_PROMOTE_DOUBLE_POLICY=false")

@@ -278,9 +278,10 @@ def test_wheels_for_every_python_that_is_promised():
     assert named == [str(minor) for minor in range(oldest, max(int(python.version[2:]) for python in PYTHONS) + 1)]
 
 
-def program(machine):
-    """The first bytes of an ELF file for this processor."""
-    return b"\x7fELF\2\1\1".ljust(18, b"\0") + {"x86_64": 62, "aarch64": 183}[machine].to_bytes(2, "little")
+def program(machine, kind=3):
+    """The first bytes of an ELF file for this processor. Its kind is 3 if the program is position-independent, else 2."""
+    number = {"x86_64": 62, "aarch64": 183}[machine]
+    return b"\x7fELF\2\1\1".ljust(16, b"\0") + kind.to_bytes(2, "little") + number.to_bytes(2, "little")
 
 
 TOOL = "tokid-1.2.3.data/scripts/tokid"
@@ -293,6 +294,7 @@ TOOL = "tokid-1.2.3.data/scripts/tokid"
     ("x86_64", {"tokid/tokid": program("x86_64"), "tokid/__main__.py": b""}, 0o755, "0 command line tools tokid, one needed"),
     ("aarch64", {TOOL: program("x86_64"), "tokid/__main__.py": b""}, 0o755, "no program for aarch64"),
     ("x86_64", {TOOL: b"#!/bin/sh", "tokid/__main__.py": b""}, 0o755, "no program for x86_64"),
+    ("x86_64", {TOOL: program("x86_64", kind=2), "tokid/__main__.py": b""}, 0o755, "not position-independent"),
     ("x86_64", {TOOL: program("x86_64"), "tokid/__main__.py": b""}, 0o644, "not executable"),
     ("x86_64", {TOOL: program("x86_64")}, 0o755, "no tokid/__main__.py"),
 ])
@@ -317,5 +319,6 @@ def test_pip_install_of_the_source_builds_the_command():
     cmake = text_of("python/CMakeLists.txt")
     assert settings["cmake"]["define"]["TOKID_BUILD_TOOL"] == "ON"
     assert f"add_dependencies({target} tokid_tool)" in cmake
+    assert 'set_target_properties(tokid_tool PROPERTIES INSTALL_RPATH "")' in cmake
     (component,) = settings["install"]["components"]
     assert f"install(TARGETS tokid_tool RUNTIME DESTINATION ${{SKBUILD_SCRIPTS_DIR}} COMPONENT {component})" in cmake
