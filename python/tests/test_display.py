@@ -42,11 +42,16 @@ def test_fits_are_rounded_down(fit, shown):
 def test_fits_are_those_of_the_tool(tool, held_out, named, tmp_path):
     held_out.save(tmp_path / "model.npz")
     named.save(tmp_path / "data.npz")
-    printed = tool("validate", tmp_path / "model.npz", tmp_path / "data.npz", "--verbose")
+    printed = tool("validate", tmp_path / "model.npz", tmp_path / "data.npz", "--horizon", 5, "--verbose")
     fits = printed[printed.index("Fit  "):printed.index("Compared")]
-    shown = repr(held_out.validate(named))
-    for name, row in cells(fits.replace("Fit  ", "     ")).items():
+    shown = repr(held_out.validate(named, horizon=5))
+    rows = cells(fits.replace("Fit  ", "     "))
+    assert list(rows) == NAMED["output_names"]
+    for name, row in rows.items():
         assert cells(shown)[name] == row
+    titles = r"output +simulation +one step +5 steps$"
+    assert re.search(titles, fits, re.M) and re.search(titles, shown, re.M)
+    assert "5 steps" not in repr(held_out.validate(named))
     for label in ("Innovations", "Whiteness", "Gains", "Feedback"):
         beginning = re.search(rf"^{label}\s+(\S+ \S+ \S+)", printed, re.M)[1]
         assert re.search(rf"^  {label}\s+{re.escape(beginning)}", shown, re.M), label
@@ -99,11 +104,38 @@ def test_results_are_short(result, held_out, named):
         assert list(cells(shown)) == NAMED["output_names"] and "<td>angle</td>" in page
         assert all(cell.endswith(" %") for row in cells(shown).values() for cell in row)
     if result == "validation":
-        assert "horizon" in shown and len(cells(shown)["rate"]) == 3
+        assert "5 steps" in shown and len(cells(shown)["rate"]) == 3
     if result == "cross-validation":
-        assert "K = 4, n = 4; p = 4" in shown and "±" in cells(shown)["rate"][0]
+        assert "K = 4, n = 4 in all folds; p = 4 in all folds" in shown and "±" in cells(shown)["rate"][0]
         model = held_out.cross_validate(named, folds=4)
         assert model.output_names == NAMED["output_names"]
+
+
+def test_cross_validations_are_those_of_the_tool(tool, held_out, named, tmp_path):
+    held_out.save(tmp_path / "model.npz")
+    named.save(tmp_path / "data.npz")
+    printed = tool("validate", tmp_path / "model.npz", tmp_path / "data.npz", "--horizon", 5, "--cross-validate", 4)
+    folds = printed[printed.index("Folds  "):]
+    shown = repr(held_out.cross_validate(named, folds=4, horizon=5))
+    words = re.search(r"^Folds +(.*)$", folds, re.M)[1]
+    assert words == "K = 4, n = 4 in all folds; p = 4 in all folds" and words in shown
+    assert list(cells(folds)) == NAMED["output_names"] and "5 steps" in shown
+    assert {name: row[:3] for name, row in cells(folds).items()} == cells(shown)
+
+
+def test_large_spreads_are_whole_numbers():
+    fits = tokid.results.Fit(fit=np.array([-250.0, 90.0]), rmse=np.ones(2), samples=9)
+    table = tokid.results._fits(["a", "b"], {"one step": fits}, {"one step": np.array([1234.5, 0.123])})
+    assert table[1:] == [["a", "−250.0 ± 1234 %"], ["b", "90.0 ± 0.12 %"]]
+
+
+def test_a_single_record_holds_out_steps(noisy):
+    """The last steps are held out of one experiment, and experiments of several."""
+    options = {"dt": noisy.dt, "period": "invariant", "hold_out": 0.25, "lags": 2, "states": 4, "refine": False}
+    model = tokid.identify(np.concatenate(noisy.u), np.concatenate(noisy.y), **options)
+    assert re.search(r"^  Fit +on data held out$", repr(model.identification), re.M)
+    model = tokid.identify(noisy.u, noisy.y, **options)
+    assert re.search(r"^  Fit +on experiments held out$", repr(model.identification), re.M)
 
 
 def test_other_results_have_a_field_in_each_line(held_out):

@@ -248,7 +248,7 @@ def cross_validate(
             listener=listening,
         )
     warn(result.warnings)
-    return _named(result, core)
+    return replace(_named(result, core), steps_ahead=int(horizon))
 
 
 def identify_file(

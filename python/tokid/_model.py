@@ -431,7 +431,7 @@ class Model(StateSpace):
             _options.integer("first_step", first_step, 0),
         )
         warn(validation.warnings)
-        return replace(validation, output_names=self.output_names)
+        return replace(validation, output_names=self.output_names, steps_ahead=int(horizon))
 
     def experiment_fits(
         self,
@@ -814,7 +814,7 @@ class Model(StateSpace):
                 listener=listening,
             )
         warn(result.warnings)
-        return replace(result, output_names=self.output_names)
+        return replace(result, output_names=self.output_names, steps_ahead=int(horizon))
 
     def report(
         self,

@@ -69,7 +69,8 @@ def _fits(names: list[str], columns: dict[str, Fit], spreads: Optional[dict[str,
         for title, fit in columns.items():
             text = _display.percent(float(fit.fit[j]))
             spread = np.nan if spreads is None else float(spreads[title][j])
-            row.append(text if np.isnan(spread) else text.replace(" %", f" ± {spread:.2g} %"))
+            shown = f"{spread:.0f}" if spread >= 10 else f"{spread:.2g}"
+            row.append(text if np.isnan(spread) else text.replace(" %", f" ± {shown} %"))
         table.append(row)
     return table
 
@@ -77,16 +78,16 @@ def _fits(names: list[str], columns: dict[str, Fit], spreads: Optional[dict[str,
 def _columns(of: Any) -> dict[str, Fit]:
     """The fits of a validation or a cross-validation. With a horizon of one step, two of them are the same."""
     columns = {"simulation": of.simulation, "one step": of.one_step}
-    if not np.array_equal(of.horizon.fit, of.one_step.fit, equal_nan=True):
-        columns["horizon"] = of.horizon
+    if of.steps_ahead > 1:
+        columns[plural(of.steps_ahead, "step")] = of.horizon
     return columns
 
 
 def _counted(numbers: list[int], noun: str) -> str:
-    """How many folds have each number: "4 in 1 fold, 6 in 3", or "4" if all have it."""
+    """How many folds have each number: "4 in 1 fold, 6 in 3", or "4 in all folds"."""
     counts = {n: numbers.count(n) for n in sorted(set(numbers))}
     if len(counts) == 1:
-        return str(numbers[0])
+        return f"{numbers[0]} in all {noun}s"
     words = [f"{n} in {plural(count, noun) if i == 0 else count}" for i, (n, count) in enumerate(counts.items())]
     return ", ".join(words)
 
@@ -467,6 +468,8 @@ class Validation(_Found):
     findings : list of Finding
     output_names : list of str
         Names (m) of the outputs.
+    steps_ahead : int
+        Steps ahead of the predictions of `horizon`.
     """
 
     simulation: Fit
@@ -485,6 +488,7 @@ class Validation(_Found):
     first_simulated: int
     findings: list[Finding]
     output_names: list[str] = field(default_factory=list)
+    steps_ahead: int = 1
 
     def _rows(self) -> Sequence[_display.Row]:
         rows: list[_display.Row] = [("Fit", _fits(self.output_names, _columns(self)))]
@@ -973,7 +977,9 @@ class Identification(_Found):
 
     def _judgement(self) -> list[_display.Row]:
         """Fits and verdict."""
-        where = "on experiments held out" if self.held_out else "on the training data"
+        # With one experiment, its last steps may be held out.
+        held_out = "on data held out" if self.experiments == 1 else "on experiments held out"
+        where = held_out if self.held_out else "on the training data"
         found = self.validation
         rows: list[_display.Row] = [("Fit", where), ("", _fits(found.output_names, _columns(found)))]
         return rows + ([] if self.verdict is None else list(self.verdict._rows()))
@@ -1097,6 +1103,8 @@ class CrossValidation(_Found):
         Findings of all folds, each one once.
     output_names : list of str
         Names (m) of the outputs.
+    steps_ahead : int
+        Steps ahead of the predictions of `horizon`.
     """
 
     folds: list[Fold]
@@ -1108,6 +1116,7 @@ class CrossValidation(_Found):
     horizon_spread: Array
     findings: list[Finding]
     output_names: list[str] = field(default_factory=list)
+    steps_ahead: int = 1
 
     def _rows(self) -> Sequence[_display.Row]:
         states, lags = ([getattr(fold, name) for fold in self.folds] for name in ("states", "lags"))
@@ -1115,7 +1124,7 @@ class CrossValidation(_Found):
         spreads = {
             "simulation": self.simulation_spread,
             "one step": self.one_step_spread,
-            "horizon": self.horizon_spread,
+            plural(self.steps_ahead, "step"): self.horizon_spread,
         }
         rows: list[_display.Row] = [
             ("Folds", f"K = {len(self.folds)}, {counts}"),
