@@ -156,6 +156,21 @@ back = tokid.read('a.npz');
 assert(isequal(back.u, data.u));
 single = tokid.ensemble(iddata(y{1}, u{1}, 0.1));
 assert(isequal(size(single.u), [1 14 2]) && single.dt == 0.1);
+z = iddata(y{1}, u{1}, 3);
+units = {'', 3; 'seconds', 3; 'milliseconds', 0.003; 'minutes', 180; 'Hours', 10800};
+for i = 1:size(units, 1)
+  z.timeunit = units{i, 1};
+  single = tokid.ensemble(z);
+  near(single.dt, units{i, 2}, 1e-15); % rounding
+end
+z.timeunit = 'months';
+throws('tokid:shape', 'an iddata object with the TimeUnit ''months'' found, one of nanoseconds,', ...
+       @() tokid.ensemble(z));
+single = tokid.ensemble(iddata(y{1}, u{1}));
+assert(~isfield(single, 'dt'));
+% With uneven SamplingInstants, MATLAB leaves Ts empty. Octave has no such objects.
+uneven = struct('Domain', 'Time', 'u', u{1}, 'y', y{1}, 'Ts', [], 'TimeUnit', 'seconds');
+throws('tokid:shape', 'an iddata object without Ts found', @() tokid.internal.of_iddata(uneven));
 throws('tokid:shape', 'an iddata object with several sample times found', ...
        @() tokid.ensemble(iddata(y(1:2), u(1:2), {0.1; 0.2})));
 throws('tokid:shape', 'an iddata object without inputs found', @() tokid.ensemble(iddata(y{1}, [], 0.1)));

@@ -17,12 +17,13 @@ if all(cellfun(@isempty, data.u(:)))
   error('tokid:shape', 'data: an iddata object without inputs found. tokid identifies responses to inputs');
 end
 times = as_list(z.Ts);
-if any(cellfun(@(t) ~isequal(t, times{1}), times(:)))
+if any(cellfun(@isempty, times(:)))
+  error('tokid:shape', ['data: an iddata object without Ts found, one sample time needed. Its samples are at uneven ' ...
+                        'SamplingInstants. Interpolate them to equal steps, for example by interp1']);
+elseif any(cellfun(@(t) ~isequal(t, times{1}), times(:)))
   error('tokid:shape', 'data: an iddata object with several sample times found, one for all experiments needed');
-elseif ~isempty(times{1})
-  if times{1} > 0 % Octave has -1 where it is not stated
-    data.dt = times{1};
-  end
+elseif times{1} > 0 % Octave has -1 where it is not stated
+  data.dt = times{1} * seconds_of(z.TimeUnit);
 end
 names = {'input_names', 'InputName'; 'output_names', 'OutputName'; 'input_units', 'InputUnit'; ...
          'output_units', 'OutputUnit'; 'experiment_names', 'ExperimentName'};
@@ -31,6 +32,21 @@ for i = 1:size(names, 1)
   if ~isempty(texts) && ~all(cellfun(@isempty, texts(:)))
     data.(names{i, 1}) = texts(:);
   end
+end
+end
+
+function seconds = seconds_of(unit)
+% The length of a unit of time in seconds.
+units = {'nanoseconds', 1e-9; 'microseconds', 1e-6; 'milliseconds', 1e-3; 'seconds', 1; 's', 1; 'minutes', 60; ...
+         'hours', 3600; 'days', 86400; 'weeks', 604800};
+at = find(strcmpi(unit, units(:, 1)));
+if isempty(unit) % Octave's default
+  seconds = 1;
+elseif isempty(at)
+  error('tokid:shape', 'data: an iddata object with the TimeUnit ''%s'' found, one of %s needed', unit, ...
+        strjoin(units(:, 1)', ', '));
+else
+  seconds = units{at, 2};
 end
 end
 
