@@ -6,7 +6,7 @@ A page, a name or a header that is in no list still gets its place, in the last 
 
 # Pages that stand before all sections: page → (title of its card, sentence)
 FIRST = {
-    "install": ("Install", "Two lines each: wheel, Debian package, source."),
+    "install": ("Install", "Install the wheel or the Debian package, or build tokid from source."),
     "tutorial": ("Tutorial", "From data to a model in ten minutes."),
 }
 

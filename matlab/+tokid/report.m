@@ -15,7 +15,9 @@ function evidence = report(page, model, varargin)
 %   'bands'               experiments of the identification, for 95 % bands of the responses: a struct of
 %                         tokid.ensemble, an iddata object or the name of a file
 %   'compare'             another model, or a cell of several, to compare on the page: structs or names of files
-%   'compare_names'       what the page calls the models: a cell of the names of model and all others, or of all others
+%   'compare_names'       names of the models on the page: a cell of the names of model and all others, or of all
+%                         others. The page shows them with the ending .mat, and '_' in place of / and other characters
+%                         that names of files can't have
 %   'inputs', 'outputs'   columns of a .csv
 %
 % Warnings have the identifier tokid:report; errors as in tokid.identify, and tokid:model.

@@ -25,8 +25,9 @@ for i = 1:size(files, 1)
   pattern = strrep(regexptranslate('escape', files{i, 1}), ' ', '\s+');
   output = regexprep(output, pattern, files{i, 2});
 end
-% The calls of the tool after Next name temporary files.
-output = regexprep(output, '((^|\n)Next .*?):\s+tokid .*?(?=\n\S|\s*$)', '$1');
+% The calls of the tool after Next name temporary files. The purpose of such a call goes with it.
+purpose = '(;\s+for\s[^:]*|,\s+for\s+example\s[^:]*)?';
+output = regexprep(output, ['((^|\n)Next .*?)', purpose, ':\s+tokid .*?(?=\n\S|\s*$)'], '$1');
 fprintf('%s', output);
 evidence = [];
 end

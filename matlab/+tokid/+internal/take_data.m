@@ -2,9 +2,9 @@ function [file, pairs, files, lengths] = take_data(folder, needs_outputs, given,
 % [file, pairs, files, lengths] = tokid.internal.take_data(folder, needs_outputs, given, model, others) gives the file
 % of the data for the tool. `given` begins with the name of a file, the struct of an ensemble, an iddata object, or the
 % arrays or cells u and y (u alone where no outputs are needed), and goes on with names and values; those that don't
-% belong to the data come back in `pairs`. Where arrays don't say their sample time, it is that of `model`, a struct or the name of a file
-% as the tool takes it; for tokid.update {state}, the name of a state; [] where there is none. `others`: as
-% tokid.internal.take_fields has it. `lengths` of the experiments where they are cells, else [].
+% belong to the data come back in `pairs`. Where arrays don't say their sample time, it is that of `model`, a struct or
+% the name of a file as the tool takes it; for tokid.update {state}, the name of a state; [] where there is none.
+% `others`: as tokid.internal.take_fields has it. `lengths` of the experiments where they are cells, else [].
 
 % SPDX-License-Identifier: BSD-3-Clause
 
