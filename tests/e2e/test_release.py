@@ -46,7 +46,6 @@ def test_version_to_cite(version):
 
 
 @pytest.mark.parametrize("name,pattern", [
-    ("docs/install.md", r"find_package\(tokid (\S+) REQUIRED\)"),
     ("docs/how-to/cpp.md", r"find_package\(tokid (\S+) REQUIRED\)"),
     ("tests/install/consumer/CMakeLists.txt", r"set\(requested (\S+) CACHE"),
 ])
