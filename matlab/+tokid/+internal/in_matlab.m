@@ -17,8 +17,8 @@ pieces = [rest; [words, {''}]];
 text = regexprep([pieces{:}], '^''(\w+)'':', 'option ''$1'':');
 
 % Options for recordings in .csv files, which only the tool has
-alone = {'time', 'experiment_column', 'missing', 'dates', 'trigger', 'before', 'resample', 'resample_method', 'held', ...
-         'longest_gap'};
+alone = {'time', 'experiment_column', 'missing', 'dates', 'trigger', 'before', 'resample', 'resample_method', ...
+         'held', 'longest_gap'};
 alone = found(ismember(names, alone));
 if ~isempty(alone)
   text = sprintf(['%s. The functions for MATLAB do not have %s. Convert the file by ''tokid convert'' with this ' ...

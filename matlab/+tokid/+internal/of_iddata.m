@@ -18,8 +18,8 @@ if all(cellfun(@isempty, data.u(:)))
 end
 times = as_list(z.Ts);
 if any(cellfun(@isempty, times(:)))
-  error('tokid:shape', ['data: an iddata object without Ts found, one sample time needed. Its samples are at uneven ' ...
-                        'SamplingInstants. Interpolate them to equal steps, for example by interp1']);
+  error('tokid:shape', ['data: an iddata object without Ts found, one sample time needed. Its samples are at ' ...
+                        'uneven SamplingInstants. Interpolate them to equal steps, for example by interp1']);
 elseif any(cellfun(@(t) ~isequal(t, times{1}), times(:)))
   error('tokid:shape', 'data: an iddata object with several sample times found, one for all experiments needed');
 elseif times{1} > 0 % Octave has -1 where it is not stated
