@@ -347,8 +347,9 @@ Ensemble in_closed_loop(Index count, double dither, std::uint64_t seed) {
 // A loaded model has no warnings of its identification.
 TEST(Verdict, InputsThatFollowFromOutputsDoNotShowTheirEffects) {
   for (const Index period : {0, 1, 20}) {
-    const Model model =
-        identify(in_closed_loop(60, 0.0, 1), {.states = 1, .lags = 2, .refine = false, .period = period}).model;
+    IdentifyOptions options{.states = 1, .lags = 2, .refine = false};
+    options.period = period;
+    const Model model = identify(in_closed_loop(60, 0.0, 1), options).model;
     const Verdict found = verdict(model, in_closed_loop(30, 0.0, 2));
     EXPECT_EQ(found.trust, Trust::look_closer) << period;
     const auto check = [&](VerdictCheck::Kind kind) {
@@ -363,7 +364,7 @@ TEST(Verdict, InputsThatFollowFromOutputsDoNotShowTheirEffects) {
     EXPECT_EQ(check(VerdictCheck::Kind::gains).untested, VerdictCheck::Untested::dependent_inputs);
     const Verdict excited = verdict(model, in_closed_loop(30, 0.5, 3));
     for (const VerdictCheck& c : excited.checks)
-      if (c.kind == VerdictCheck::Kind::inputs) EXPECT_EQ(c.result, Trust::good) << period;
+      EXPECT_TRUE(c.kind != VerdictCheck::Kind::inputs || c.result == Trust::good) << period;
   }
 }
 

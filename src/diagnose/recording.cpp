@@ -23,7 +23,7 @@ constexpr Index fewest_changes = 3;
 constexpr double largest_motion = 0.25, least_range = 0.75;
 
 // The changes of a channel in an experiment, from a sample to the next one that is present.
-struct Course {
+struct ChannelCourse {
   double value = std::numeric_limits<double>::quiet_NaN();  // of the last sample
   Index last = 0, end = 0;  // the last step with a change; the step after the last sample
   Index pause = 0;          // the longest time between two changes [steps]
@@ -33,16 +33,16 @@ struct Course {
 // The step from which all channels of an experiment stay constant to its last sample, if that is no rest: at a rest,
 // the inputs stop before the outputs do. In a recording that was filled, all channels stop at once, each within the
 // longest pause that it has made before.
-std::optional<Index> early_end(const std::vector<Course>& channels, Index inputs) {
+std::optional<Index> early_end(const std::vector<ChannelCourse>& channels, Index inputs) {
   Index begin = 0, end = std::numeric_limits<Index>::max(), pause = 1;
-  for (const Course& c : channels) {
+  for (const ChannelCourse& c : channels) {
     begin = std::max(begin, c.last);
     end = std::min(end, c.end);  // a channel without samples tells nothing about the steps after it
     if (c.changes >= fewest_changes) pause = std::max(pause, c.pause);
   }
   const auto stops = [&](auto first, auto last) {
-    return std::any_of(first, last, [](const Course& c) { return c.changes >= fewest_changes; }) &&
-           std::all_of(first, last, [&](const Course& c) {
+    return std::any_of(first, last, [](const ChannelCourse& c) { return c.changes >= fewest_changes; }) &&
+           std::all_of(first, last, [&](const ChannelCourse& c) {
              return c.changes < fewest_changes || begin - c.last < std::max<Index>(1, c.pause);
            });
   };
@@ -55,13 +55,14 @@ std::optional<Index> early_end(const std::vector<Course>& channels, Index inputs
 
 std::optional<Finding> early_ends(const Ensemble& e, Index origin) {
   const Index d = e.channels();
-  std::vector<std::vector<Course>> courses(size_t(e.experiments()), std::vector<Course>(static_cast<size_t>(d)));
+  std::vector<std::vector<ChannelCourse>> courses(size_t(e.experiments()),
+                                                  std::vector<ChannelCourse>(static_cast<size_t>(d)));
   for (Index k = 0; k < e.steps(); ++k)
     for (Index n = 0; n < e.experiments(); ++n)
       for (Index c = 0; c < d; ++c) {
         const double value = e.samples()(n, k * d + c);
         if (std::isnan(value)) continue;
-        Course& own = courses[size_t(n)][size_t(c)];
+        ChannelCourse& own = courses[size_t(n)][size_t(c)];
         if (std::abs(value - own.value) > 0) {
           if (own.changes > 0) own.pause = std::max(own.pause, k - own.last);
           own.last = k;
