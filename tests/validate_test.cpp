@@ -379,7 +379,9 @@ TEST(OutlyingSamples, AreNoneOfAnUnusualInitialState) {
       options.experiments = count;
       options.seed = seed + 100;
       Ensemble e = experiments(system, options);
-      const Ensemble free = simulate(system, Ensemble(1, 61, 2, 2), Matrix::Constant(3, 1, 30.0));
+      Ensemble at_rest(1, 61, 2, 2);
+      for (Index k = 0; k < e.steps(); ++k) at_rest.input(k).setZero();
+      const Ensemble free = simulate(system, at_rest, Matrix::Constant(3, 1, 30.0));
       for (Index k = 0; k < e.steps(); ++k) e.output(k).row(0) += free.output(k).row(0);
       e.y(0, 30, 1) += 100;
       const Validation v = validate(model, e);
