@@ -383,7 +383,7 @@ TEST(OutlyingSamples, AreNoneOfAnUnusualInitialState) {
       for (Index k = 0; k < e.steps(); ++k) at_rest.input(k).setZero();
       const Ensemble free = simulate(system, at_rest, Matrix::Constant(3, 1, 5.0));
       for (Index k = 0; k < e.steps(); ++k) e.output(k).row(0) += free.output(k).row(0);
-      e.y(0, 30, 1) += 100;
+      e.y(0, 30, 1) += 3;
       const Validation v = validate(model, e);
       ASSERT_EQ(v.outlying.size(), 1) << count << ' ' << seed;
       EXPECT_EQ(outlying_steps(v, 0, 1), std::vector<Index>{30}) << count << ' ' << seed;
