@@ -440,7 +440,7 @@ constexpr Entry table[] = {
     {Kind::samples_outlying, "samples_outlying", warning,
      [](const Finding& f) {
        return fmt::format(
-           "experiment {}, output {}, {}: {} by up to {} from {} (median error of all experiments: {}). {}",
+           "experiment {}, output {}, {}: {} by up to {} from {} (median prediction error of all experiments: {}). {}",
            experiment(f.experiments[0]), channel(f), words::step_list(f.steps),
            f.steps.size() == 1 ? "1 sample deviates" : fmt::format("{} samples deviate", f.steps.size()),
            figure(f, "error"), f.steps.size() == 1 ? "its prediction" : "their predictions",
@@ -523,7 +523,7 @@ constexpr Entry table[] = {
     {Kind::smoothing_by_gaps, "smoothing_by_gaps", warning,
      [](const Finding& f) {
        return fmt::format(
-           "because of missing samples, too few windows of successive steps without a gap are left to find variation over time. The regressions use the smoothing lambda = {}, and EM chooses a lambda of its own",
+           "because of missing samples, too few windows without a gap remain, so variation over time cannot be estimated from these data. The regressions use the smoothing lambda = {}, and EM chooses a lambda of its own",
            figure(f, "smoothing"));
      }},
     {Kind::no_variation, "no_variation", note,
