@@ -69,7 +69,7 @@ def test_trigger_and_resampling_of_tables():
 
 def test_columns_of_experiments_and_held_channels(tmp_path):
     long = pd.concat([table(3).assign(run=name) for name in ("a", "b")], ignore_index=True)
-    with pytest.raises(ValueError, match="column 'run' may name the experiments: state --experiment-column 'run'"):
+    with pytest.raises(ValueError, match="column 'run' may name the experiments: state experiment_column='run'"):
         tokid.Ensemble.from_dataframe([long], **CHANNELS)
     data = tokid.Ensemble.from_dataframe(long, **CHANNELS, experiment_column="run")
     assert data.experiment_names == ["a", "b"]
