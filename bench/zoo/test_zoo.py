@@ -170,15 +170,14 @@ def test_frozen_modes_of_the_identified_launch_vehicle():
     Before that, the slosh errs by more: docs/how-to/modes.md says why.
     """
     truth = modal.true_poles(plant_of("launch_vehicle"))
-    rows = np.vstack([modal.measure(os.environ["TOKID"], "launch_vehicle", Condition(), seed, truth, replicates=20)
-                      for seed in (1, 2)])
+    rows = np.array(modal.measure(os.environ["TOKID"], "launch_vehicle", Condition(), 1, truth, replicates=20))
     assert not np.isnan(rows[:, 3]).any()  # all valid
     # Of the slosh and the bending: medians of the error are 0.2 and 0.024 %, those of half the width 0.7 and 0.042 %.
     for mode, median, width, share in ((2, 0.004, 0.012, 0.8), (4, 0.0005, 0.0008, 0.98)):
         own = rows[rows[:, 0] == mode]
         late = own[own[:, 1] >= 30]
         error = np.abs(late[:, 3])
-        assert len(late) == 2 * 104 and error.max() < 0.02 and np.median(error) < median
+        assert len(late) == 104 and error.max() < 0.02 and np.median(error) < median
         assert late[:, 5].mean() >= 0.9 and np.median(late[:, 7]) < width
         assert np.mean(np.abs(own[:, 3]) < 0.02) > share
 

@@ -123,7 +123,7 @@ struct Finding {
     no_states,
     states_below_asked,       // numbers: asked, found
     states_hidden,            // steps; numbers: states
-    gains_grow,               // steps; numbers: ratio of the largest norm of K_k to the median
+    gains_grow,               // steps; numbers: ratio of the largest norm of K_k to its reference
     late_begin,               // numbers: step
     frame_limits,             // numbers: step, begin, end
     jumps_unused,             // steps
