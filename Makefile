@@ -176,7 +176,7 @@ install-test:
 	$(call install,$(test_packages))
 	@$(configure) test >/dev/null
 	@cmake --build build
-	@$(python) tests/run.py build --label-regex install
+	@$(python) tests/run.py build --label-regex install --build-config Install
 
 asan tsan:
 	$(call install,$(test_packages))

@@ -30,7 +30,7 @@ def without_noise(truth):
 def test_deviations_are_linear(name):
     truth = truth_of(name, Condition(initial="unknown"))
     quiet = without_noise(truth)
-    linear, plant = (experiments(quiet, 50, 3, nonlinear)[1] for nonlinear in (False, True))
+    linear, plant = (experiments(quiet, 20, 3, nonlinear)[1] for nonlinear in (False, True))
     remainder = np.sqrt(((plant - linear) ** 2).mean((0, 1)) / (linear**2).mean((0, 1)))
     assert remainder.max() < 0.03
 
@@ -66,8 +66,7 @@ def in_other_coordinates(p, seed=1):
     return replace(p, A=s[1:] @ p.A @ inverse[:-1], B=s[1:] @ p.B, C=p.C @ inverse[:-1], L=s[1:] @ p.L, x0=s[0] @ p.x0)
 
 
-@pytest.mark.parametrize("loop", ["natural", "delayed", "same-step"])
-@pytest.mark.parametrize("name", ["quadrotor", "gear_shift"])
+@pytest.mark.parametrize(("name", "loop"), [("quadrotor", "natural"), ("gear_shift", "delayed"), ("gear_shift", "same-step")])
 def test_the_truth_measures_one(name, loop):
     truth = truth_of(name, replace(BROAD, loop=loop))
     best = of_truth(truth.system)
