@@ -29,11 +29,13 @@ endfunction()
 
 execute_process(COMMAND ${tool} --help OUTPUT_VARIABLE help COMMAND_ERROR_IS_FATAL ANY)
 write_manual("" ${CPACK_PACKAGE_DESCRIPTION_SUMMARY})
+# A description may take several lines.
+string(REGEX REPLACE "\n   +" " " help "${help}")
 string(REGEX MATCH "Commands:\n(  [^\n]*\n)+" commands "${help}")
 string(REGEX MATCHALL "\n  [^\n]*" commands "${commands}")
 foreach(line ${commands})
   string(REGEX MATCH "^\n  ([^ ]+) +([^\n]*)" line "${line}")
-  write_manual(${CMAKE_MATCH_1} ${CMAKE_MATCH_2})
+  write_manual("${CMAKE_MATCH_1}" "${CMAKE_MATCH_2}")
 endforeach()
 
 # Debian's libraries are found without, whatever folder the tool is in.
