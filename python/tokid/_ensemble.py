@@ -29,11 +29,11 @@ class Ensemble(Channels):
 
     Parameters
     ----------
-    u : array_like, shape (N, T, r), or (T, r) for one experiment, or a list of N arrays (T_n, r)
+    u : array_like, shape (N, T, r), or (T, r) for one experiment, or a list of N arrays
         Inputs. NaN marks a missing sample, and so does the mask of a masked array. Arrays of any strides and any type
         of real numbers are read directly. The samples are copied once, into the layout of the library. A list of
-        arrays has experiments of different lengths: T is the largest one, and `length` is set.
-    y : array_like, shape (N, T, m), or (T, m) for one experiment, or a list of N arrays (T_n, m), optional
+        arrays (T_n, r) has experiments of different lengths: T is the largest one, and `length` is set.
+    y : array_like, shape (N, T, m), or (T, m) for one experiment, or a list of N arrays, optional
         Outputs. Without them, the ensemble contains only inputs, for simulations.
     dt : float, optional
         Sample time [s]. Without it, dt is 1, and a `TokidWarning` reports this.

@@ -67,10 +67,10 @@ def identify(
 
     Parameters
     ----------
-    u : array_like, shape (N, T, r) or (T, r), or list of N arrays (T_n, r), or Ensemble, DataFrame or Dataset
-        Inputs of N experiments, whose lengths T_n may differ; or an ensemble; or a table as in
-        `Ensemble.from_dataframe`; or a dataset as in `Ensemble.from_xarray`.
-    y : array_like, shape (N, T, m) or (T, m), or list of N arrays (T_n, m)
+    u : array_like, shape (N, T, r) or (T, r), or list of N arrays, or Ensemble, DataFrame or Dataset
+        Inputs of N experiments; or an ensemble; or a table as in `Ensemble.from_dataframe`; or a dataset as in
+        `Ensemble.from_xarray`. The arrays of a list, (T_n, r) and (T_n, m), may have different lengths T_n.
+    y : array_like, shape (N, T, m) or (T, m), or list of N arrays
         Outputs. NaN marks a missing sample, in `u` and in `y`.
     dt : float, optional
         Sample time [s] of arrays. Without it, dt is 1, and a `TokidWarning` reports this.
