@@ -5,6 +5,7 @@
 #include "base/nan.hpp"
 #include "model/channels.hpp"
 #include "model/continuation.hpp"
+#include "model/initial_state.hpp"
 #include "model/kalman_step.hpp"
 #include "model/observer_step.hpp"
 #include "tokid/innovations.hpp"
@@ -57,7 +58,7 @@ class Filter {
         end_(std::min(model.k_end(), data.steps())),
         known_(size_t(data.experiments())),
         x_(Matrix::Zero(data.experiments(), model.steps() > 0 ? model.n(model.k_begin) : 0)) {
-    const InitialState state = initial.value_or(data.initial_state.value_or(model.initial_state));
+    const InitialState state = initial_state_of(model, data, initial);
     if (!starts_from_zero(model, state))
       for (Knowledge& known : known_) known.blind = true;
   }

@@ -12,6 +12,7 @@
 #include "base/integers.hpp"
 #include "base/nan.hpp"
 #include "base/statistics.hpp"
+#include "model/initial_state.hpp"
 #include "model/step_by_step.hpp"
 
 namespace tokid {
@@ -89,8 +90,7 @@ OutlyingSampleCollector::OutlyingSampleCollector(const Model& model, const Ensem
     : model_(model),
       data_(data),
       initial_state_(options.initial_state),
-      begins_anywhere_(has_initial_estimate(
-          model, options.initial_state.value_or(data.initial_state.value_or(model.initial_state)))),
+      begins_anywhere_(has_initial_estimate(model, initial_state_of(model, data, options.initial_state))),
       spread_(output_spread(model, data)),
       window_(estimation_window(model)),
       shown_(1 + ceil_div(model.states(), std::max<Index>(1, model.outputs))),

@@ -11,6 +11,7 @@
 #include "base/nan.hpp"
 #include "model/channels.hpp"
 #include "model/continuation.hpp"
+#include "model/initial_state.hpp"
 #include "model/observer_rows.hpp"
 #include "model/observer_step.hpp"
 #include "model/smoother.hpp"
@@ -136,7 +137,7 @@ namespace {
 
 // The state at the first step, if it is known.
 std::optional<Vector> known_start(const Model& model, const Ensemble& data, const PredictOptions& options) {
-  const InitialState initial = options.initial_state.value_or(data.initial_state.value_or(model.initial_state));
+  const InitialState initial = initial_state_of(model, data, options.initial_state);
   return observer::known_start(model, initial, options.initial_estimate);
 }
 
@@ -145,7 +146,7 @@ std::optional<Vector> known_start(const Model& model, const Ensemble& data, cons
 template <class Before, class After>
 void observe(const Model& model, const Ensemble& data, const PredictOptions& options, Before&& before, After&& after) {
   if (model.steps() == 0) return;
-  const InitialState initial = options.initial_state.value_or(data.initial_state.value_or(model.initial_state));
+  const InitialState initial = initial_state_of(model, data, options.initial_state);
   const Index end = std::min(model.k_end(), data.steps());
   const std::optional<Vector> start = known_start(model, data, options);
   if (start && knows_noise(model) && samples_missing(data, model.k_begin, end)) {
@@ -260,7 +261,7 @@ struct Start {
 
 // Empty if the data do not determine the states.
 std::optional<Start> start_of(const Model& model, const Ensemble& data, std::optional<InitialState> initial_state) {
-  const InitialState initial = initial_state.value_or(data.initial_state.value_or(model.initial_state));
+  const InitialState initial = initial_state_of(model, data, initial_state);
   if (starts_from_zero(model, initial))
     return Start{model.k_begin, Matrix::Zero(data.experiments(), model.n(model.k_begin))};
   if (has_initial_estimate(model, initial) && knows_noise(model))

@@ -72,15 +72,17 @@ Matrix window_change(const Model& model, const Eigen::MatrixXcd& poles, Index be
   if (other == 0) return Matrix::Constant(poles.rows(), poles.cols(), nan);
   const Eigen::MatrixXcd found = modes_of::poles_in_order(poles, begin, modes_of::spectra(model, other, execution));
   Matrix change = (found - poles).cwiseAbs().cwiseQuotient(poles.cwiseAbs());
-  const auto is_pair = [&](Index k, Index i, Index j) {
-    return poles(k, i).imag() != 0 && poles(k, j) == std::conj(poles(k, i));
+  // Gives both poles of each conjugate pair one of their two values.
+  const auto join_pairs = [&](Matrix& values, auto&& choose) {
+    for (Index k = 0; k < poles.rows(); ++k)
+      for (Index i = 0; i < poles.cols(); ++i)
+        for (Index j = i + 1; j < poles.cols(); ++j)
+          if (poles(k, i).imag() != 0 && poles(k, j) == std::conj(poles(k, i)))
+            values(k, i) = values(k, j) = choose(values(k, i), values(k, j));
   };
   // Both poles of a conjugate pair are one mode. If only one of them was matched with its own pole of the other window,
   // that one tells the change.
-  for (Index k = 0; k < poles.rows(); ++k)
-    for (Index i = 0; i < poles.cols(); ++i)
-      for (Index j = i + 1; j < poles.cols(); ++j)
-        if (is_pair(k, i, j)) change(k, i) = change(k, j) = std::fmin(change(k, i), change(k, j));
+  join_pairs(change, [](double a, double b) { return std::fmin(a, b); });
   Matrix result = Matrix::Constant(poles.rows(), poles.cols(), nan);
   const Index steps = poles.rows();
   for (Index k = 0; k < steps; ++k)
@@ -90,10 +92,7 @@ Matrix window_change(const Model& model, const Eigen::MatrixXcd& poles, Index be
       for (Index i = 0; i < poles.cols(); ++i) result(k, i) = std::fmax(result(k, i), change(at, i));
     }
   // Where the columns of a pair have been two real poles within the window, the larger change counts for both.
-  for (Index k = 0; k < steps; ++k)
-    for (Index i = 0; i < poles.cols(); ++i)
-      for (Index j = i + 1; j < poles.cols(); ++j)
-        if (is_pair(k, i, j)) result(k, i) = result(k, j) = std::fmax(result(k, i), result(k, j));
+  join_pairs(result, [](double a, double b) { return std::fmax(a, b); });
   return result;
 }
 

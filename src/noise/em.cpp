@@ -13,6 +13,7 @@
 #include "base/statistics.hpp"
 #include "data/rows.hpp"
 #include "linalg/symmetric.hpp"
+#include "model/initial_state.hpp"
 #include "model/kalman_step.hpp"
 #include "noise/em.hpp"
 #include "noise/em/anderson.hpp"
@@ -190,7 +191,7 @@ Matrix innovation_covariance(const Model& model, const Ensemble& data, InitialSt
 }
 
 InitialState initial_state_of(const Model& model, const Ensemble& data, const RefineOptions& o) {
-  return o.initial_state.value_or(data.initial_state.value_or(model.initial_state));
+  return initial_state_of(model, data, o.initial_state);
 }
 
 Model starting_model(const Model& model, const Ensemble& data, const RefineOptions& o, InitialState initial) {

@@ -6,6 +6,7 @@
 
 #include "base/nan.hpp"
 #include "model/expected_errors.hpp"
+#include "model/initial_state.hpp"
 #include "model/observer_step.hpp"
 #include "report/bounds.hpp"
 
@@ -96,7 +97,7 @@ DecidingHorizon deciding_horizon(const Model& model, const Ensemble& data, const
   const bool simulates = good(v.simulation);
   if (simulates && good(v.one_step)) return result;
   const std::vector<Matrix> covariances = innovation_covariances(model, compared.prediction.innovations);
-  const InitialState initial = options.initial_state.value_or(data.initial_state.value_or(model.initial_state));
+  const InitialState initial = initial_state_of(model, data, options.initial_state);
   // If the initial states are unknown, the observer estimates them from the first samples.
   Index begin = std::max(v.first_predicted, model.k_begin);
   if (!starts_from_zero(model, initial))
