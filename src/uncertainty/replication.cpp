@@ -7,6 +7,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "data/check.hpp"
 #include "tokid/identify.hpp"
 #include "tokid/validate.hpp"
 #include "uncertainty/interval.hpp"
