@@ -16,6 +16,7 @@
 
 #include "command.hpp"
 #include "common.hpp"
+#include "linalg/simd.hpp"
 #include "suggestion.hpp"
 #include "tokid/printable.hpp"
 
@@ -164,6 +165,7 @@ Outcome run_tool(int argc, char** argv) {
   std::signal(SIGXFSZ, SIG_IGN);
   open_standard_streams();
   try {
+    simd::target();  // refuses a wrong TOKID_SIMD before any work
     return parse_and_run(argc, argv);
   } catch (const WriteError& error) {
     return {failed, error.what()};

@@ -71,7 +71,7 @@ TEST_P(Kernels, ARowDoesNotDependOnTheOthers) {
     }
 }
 
-TEST_P(Kernels, SeparateRoundingHasTheBitsOfPlainLoops) {
+TEST_P(Kernels, TallProductsHaveTheBitsOfPlainLoops) {
   Random random(3);
   for (const Index rows : {1, 8, 21, 40})
     for (const Index inner : {1, 4, 9})
@@ -80,7 +80,7 @@ TEST_P(Kernels, SeparateRoundingHasTheBitsOfPlainLoops) {
                      start = random.matrix(rows, columns);
         const auto x = all.block(2, 1, rows, inner);  // with a stride of its own
         Matrix result = start, expected = start;      // in place
-        linalg::tall_products(result, {{x, w}, {x, w, true}}, result, linalg::Rounding::separate);
+        linalg::tall_products(result, {{x, w}, {x, w, true}}, result);
         for (const bool minus : {false, true})
           for (Index i = 0; i < inner; ++i)
             for (Index j = 0; j < columns; ++j)

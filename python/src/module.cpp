@@ -5,6 +5,7 @@
 #include <string>
 #include <utility>
 
+#include "linalg/simd.hpp"
 #include "python.hpp"
 #include "words.hpp"
 
@@ -12,6 +13,7 @@ NB_MODULE(_tokid, module) {
   namespace nb = nanobind;
   namespace python = tokid::python;
 
+  tokid::simd::target();  // refuses a wrong TOKID_SIMD before any work
   module.doc() = "Bindings of the C++ library tokid; private, see the package tokid.";
   module.attr("version") = std::string(tokid::version);
   module.attr("test_lags") = tokid::test_lags;

@@ -16,10 +16,6 @@ HWY_BEFORE_NAMESPACE();
 namespace tokid::linalg::HWY_NAMESPACE {
 namespace random_walk {
 
-// c + a b and c - a b, each operation rounded.
-HWY_INLINE Vec plus(Vec c, Vec a, Vec b) { return hn::Add(c, hn::Mul(a, b)); }
-HWY_INLINE Vec minus(Vec c, Vec a, Vec b) { return hn::Sub(c, hn::Mul(a, b)); }
-
 // Applies I - [1; v] τ [1; v]ᵀ to columns [upper; x]. Neighbouring entries of `upper`, and neighbouring columns x, are
 // `stride` vectors apart.
 template <size_t columns>

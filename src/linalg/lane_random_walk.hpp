@@ -7,7 +7,6 @@
 namespace tokid::linalg {
 
 // Minimises  Σ_g ‖R_g x_g - z_g‖² + Σ_g ‖x_{g+1} - x_g‖²  for upper triangular R_g (L × L) and z_g of each lane.
-// Multiplications and additions are rounded one by one, so that every instruction set gives the same bits.
 class LaneRandomWalk {
  public:
   LaneRandomWalk(Index steps, Index regressors);

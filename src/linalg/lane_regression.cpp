@@ -49,7 +49,7 @@ void Regress(const double* samples, size_t stride, size_t offset, size_t rows, s
     Vec square = hn::Zero(tag);
     for (size_t i = 0; i <= j; ++i) {
       const Vec a = load(r, packed(i, j));
-      square = hn::MulAdd(a, a, square);
+      square = plus(square, a, a);
     }
     store(square, x, j);
     total = hn::Add(total, hn::IfThenElse(hn::Eq(square, hn::Zero(tag)), hn::Zero(tag), hn::Set(tag, 1.0)));
@@ -58,17 +58,16 @@ void Regress(const double* samples, size_t stride, size_t offset, size_t rows, s
   for (size_t j = 0; j < left; ++j)
     for (size_t i = j + 1; i-- > 0;) {
       Vec sum = i == j ? hn::Set(tag, 1.0) : hn::Zero(tag);
-      for (size_t k = i + 1; k <= j; ++k) sum = hn::NegMulAdd(load(r, packed(i, k)), load(inverse, packed(k, j)), sum);
+      for (size_t k = i + 1; k <= j; ++k) sum = minus(sum, load(r, packed(i, k)), load(inverse, packed(k, j)));
       sum = hn::Mul(sum, load(x, left + i));
       store(sum, inverse, packed(i, j));
-      inverse_total = hn::MulAdd(hn::Mul(sum, sum), load(x, i), inverse_total);
+      inverse_total = plus(inverse_total, hn::Mul(sum, sum), load(x, i));
     }
   store(hn::Sqrt(hn::Mul(total, inverse_total)), condition, 0);
   for (size_t j = 0; j < right; ++j)
     for (size_t i = left; i-- > 0;) {
       Vec sum = load(r, packed(i, left + j));
-      for (size_t k = i + 1; k < left; ++k)
-        sum = hn::NegMulAdd(load(r, packed(i, k)), load(solution, j * left + k), sum);
+      for (size_t k = i + 1; k < left; ++k) sum = minus(sum, load(r, packed(i, k)), load(solution, j * left + k));
       store(hn::Mul(sum, load(x, left + i)), solution, j * left + i);
     }
 }

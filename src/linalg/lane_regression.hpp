@@ -20,8 +20,9 @@ class LaneRegression {
   LaneRegression(const LaneRegression&) = delete;
   LaneRegression& operator=(const LaneRegression&) = delete;
 
-  static Index lanes();         // number of problems in a batch
-  static Index most_columns();  // largest left + right
+  static Index lanes();                   // number of problems in a batch
+  static constexpr Index most_lanes = 8;  // with any instruction set
+  static Index most_columns();            // largest left + right
 
   void run(const double* samples, Index stride, Index offset);
 

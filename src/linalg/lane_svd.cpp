@@ -27,9 +27,9 @@ HWY_INLINE hn::Mask<Tag> rotate(double* p, double* q, size_t n, Vec tolerance) {
   Vec square_p = hn::Zero(tag), square_q = square_p, product = square_p;
   for (size_t i = 0; i < n; ++i) {
     const Vec a = load(p, i), b = load(q, i);
-    square_p = hn::MulAdd(a, a, square_p);
-    square_q = hn::MulAdd(b, b, square_q);
-    product = hn::MulAdd(a, b, product);
+    square_p = plus(square_p, a, a);
+    square_q = plus(square_q, b, b);
+    product = plus(product, a, b);
   }
   // With norms below this product, the squares have lost digits. The columns are not rotated, and run() then marks the
   // matrix as not found.
@@ -40,13 +40,13 @@ HWY_INLINE hn::Mask<Tag> rotate(double* p, double* q, size_t n, Vec tolerance) {
   // The rotation angle φ: tan 2φ = 2 product / (square_q - square_p), the smaller of the two solutions. Lanes with
   // orthogonal columns do not change.
   const Vec zeta = hn::Div(hn::Sub(square_q, square_p), hn::Mul(hn::Set(tag, 2.0), product));
-  const Vec size = hn::Abs(zeta), root = hn::Sqrt(hn::MulAdd(zeta, zeta, one));
+  const Vec size = hn::Abs(zeta), root = hn::Sqrt(plus(one, zeta, zeta));
   const Vec tangent = hn::CopySign(hn::Div(one, hn::Add(size, root)), zeta);
-  const Vec cosine = hn::Div(one, hn::Sqrt(hn::MulAdd(tangent, tangent, one))), sine = hn::Mul(cosine, tangent);
+  const Vec cosine = hn::Div(one, hn::Sqrt(plus(one, tangent, tangent))), sine = hn::Mul(cosine, tangent);
   for (size_t i = 0; i < n; ++i) {
     const Vec a = load(p, i), b = load(q, i);
-    store(hn::IfThenElse(turn, hn::NegMulAdd(sine, b, hn::Mul(cosine, a)), a), p, i);
-    store(hn::IfThenElse(turn, hn::MulAdd(sine, a, hn::Mul(cosine, b)), b), q, i);
+    store(hn::IfThenElse(turn, minus(hn::Mul(cosine, a), sine, b), a), p, i);
+    store(hn::IfThenElse(turn, plus(hn::Mul(cosine, b), sine, a), b), q, i);
   }
   return turn;
 }
@@ -77,7 +77,7 @@ void Decompose(double* a, size_t even, size_t rows, size_t count, double* r, dou
     Vec square = hn::Zero(tag);
     for (size_t i = 0; i < rows; ++i) {
       const Vec x = load(l, j * rows + i);
-      square = hn::MulAdd(x, x, square);
+      square = plus(square, x, x);
     }
     store(hn::IfThenElse(turned, hn::NaN(tag), hn::Sqrt(square)), norm, j);
   }

@@ -23,6 +23,17 @@ using Vec = hn::Vec<Tag>;
 
 constexpr size_t lanes = HWY_LANES(double);
 
+// A product and its sum are rounded one after the other, although some processors can round them at once. So every
+// instruction set gives the same bits.
+template <class V>
+HWY_INLINE V plus(V sum, V a, V b) {
+  return hn::Add(sum, hn::Mul(a, b));
+}
+template <class V>
+HWY_INLINE V minus(V sum, V a, V b) {
+  return hn::Sub(sum, hn::Mul(a, b));
+}
+
 HWY_INLINE Vec load(const double* list, size_t entry) { return hn::Load(Tag(), list + entry * lanes); }
 HWY_INLINE void store(Vec v, double* list, size_t entry) { hn::Store(v, Tag(), list + entry * lanes); }
 HWY_INLINE size_t packed(size_t i, size_t j) { return j * (j + 1) / 2 + i; }
@@ -72,7 +83,7 @@ struct Reflection {
     const Tag tag;
     const Vec zero = hn::Zero(tag), one = hn::Set(tag, 1.0);
     const auto none = hn::Eq(square, zero);
-    const Vec norm = hn::Sqrt(hn::MulAdd(pivot, pivot, square));
+    const Vec norm = hn::Sqrt(plus(square, pivot, pivot));
     const Vec opposite = hn::IfThenElse(hn::Gt(pivot, zero), hn::Neg(norm), norm);
     beta = hn::IfThenElse(none, pivot, opposite);
     tau = hn::IfThenElse(none, zero, hn::Sub(one, hn::Div(pivot, opposite)));
@@ -80,7 +91,7 @@ struct Reflection {
   }
   // The reflection of a column [upper; x] with product = vᵀx. It subtracts this amount from `upper`, and s v times this
   // amount from x.
-  Vec taken(Vec upper, Vec product) const { return hn::Mul(tau, hn::MulAdd(scale, product, upper)); }
+  Vec taken(Vec upper, Vec product) const { return hn::Mul(tau, plus(upper, scale, product)); }
 };
 
 // Applies two reflections at once to the columns j … j+columns-1: `first` of column i with v, and `second` of column
@@ -97,8 +108,8 @@ HWY_INLINE void reflect(const double* v, const double* w, double* x, size_t rows
 #pragma GCC unroll 4
     for (size_t c = 0; c < columns; ++c) {
       const Vec x_k = load(x, c * rows + k);
-      a[c] = hn::MulAdd(v_k, x_k, a[c]);
-      b[c] = hn::MulAdd(w_k, x_k, b[c]);
+      a[c] = plus(a[c], v_k, x_k);
+      b[c] = plus(b[c], w_k, x_k);
     }
   }
 #pragma GCC unroll 4
@@ -106,7 +117,7 @@ HWY_INLINE void reflect(const double* v, const double* w, double* x, size_t rows
     const Vec upper = load(r, packed(i, j + c)), lower = load(r, packed(i + 1, j + c));
     const Vec taken = first.taken(upper, a[c]);
     a[c] = hn::Mul(taken, first.scale);
-    const Vec then = second.taken(lower, hn::NegMulAdd(a[c], cross, b[c]));
+    const Vec then = second.taken(lower, minus(b[c], a[c], cross));
     b[c] = hn::Mul(then, second.scale);
     store(hn::Sub(upper, taken), r, packed(i, j + c));
     store(hn::Sub(lower, then), r, packed(i + 1, j + c));
@@ -115,7 +126,7 @@ HWY_INLINE void reflect(const double* v, const double* w, double* x, size_t rows
     const Vec v_k = load(v, k), w_k = load(w, k);
 #pragma GCC unroll 4
     for (size_t c = 0; c < columns; ++c)
-      store(hn::NegMulAdd(w_k, b[c], hn::NegMulAdd(v_k, a[c], load(x, c * rows + k))), x, c * rows + k);
+      store(minus(minus(load(x, c * rows + k), v_k, a[c]), w_k, b[c]), x, c * rows + k);
   }
 }
 
@@ -131,8 +142,8 @@ HWY_INLINE void absorb(double* x, size_t rows, size_t cols, double* r) {
 #pragma GCC unroll 2
       for (size_t h = 0; h < 2; ++h) {
         const Vec v_k = load(v, k + h);
-        square[h] = hn::MulAdd(v_k, v_k, square[h]);
-        product[h] = hn::MulAdd(v_k, load(w, k + h), product[h]);
+        square[h] = plus(square[h], v_k, v_k);
+        product[h] = plus(product[h], v_k, load(w, k + h));
       }
     const Reflection first(load(r, packed(i, i)), hn::Add(square[0], square[1]));
     store(first.beta, r, packed(i, i));
@@ -143,10 +154,10 @@ HWY_INLINE void absorb(double* x, size_t rows, size_t cols, double* r) {
     for (size_t k = 0; k < rows; k += 2)
 #pragma GCC unroll 2
       for (size_t h = 0; h < 2; ++h) {
-        const Vec v_k = load(v, k + h), w_k = hn::NegMulAdd(v_k, change, load(w, k + h));
+        const Vec v_k = load(v, k + h), w_k = minus(load(w, k + h), v_k, change);
         store(w_k, w, k + h);
-        square[h] = hn::MulAdd(w_k, w_k, square[h]);
-        product[h] = hn::MulAdd(v_k, w_k, product[h]);
+        square[h] = plus(square[h], w_k, w_k);
+        product[h] = plus(product[h], v_k, w_k);
       }
     const Reflection second(load(r, packed(i + 1, i + 1)), hn::Add(square[0], square[1]));
     store(second.beta, r, packed(i + 1, i + 1));
@@ -162,7 +173,7 @@ HWY_INLINE void absorb(double* x, size_t rows, size_t cols, double* r) {
   for (size_t k = 0; k < rows; k += 2)
     for (size_t h = 0; h < 2; ++h) {
       const Vec v_k = load(x, i * rows + k + h);
-      square[h] = hn::MulAdd(v_k, v_k, square[h]);
+      square[h] = plus(square[h], v_k, v_k);
     }
   store(Reflection(load(r, packed(i, i)), hn::Add(square[0], square[1])).beta, r, packed(i, i));
 }

@@ -3,33 +3,33 @@
 
 #include <algorithm>
 #include <cmath>
+#include <type_traits>
 
-#include "linalg/simd.hpp"
 #include "base/integers.hpp"
+#include "linalg/simd.hpp"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "linalg/row_absorption.cpp"
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 
+#include "linalg/lanes-inl.hpp"
+
 // clang-format off
 HWY_BEFORE_NAMESPACE();
 // clang-format on
 namespace tokid::linalg::HWY_NAMESPACE {
 
-namespace hn = hwy::HWY_NAMESPACE;
-using Tag = hn::ScalableTag<double>;
-using Vec = hn::Vec<Tag>;
-
-constexpr size_t lanes = HWY_LANES(double);
 constexpr size_t width = RowAbsorption::width;
 // Outside this range, the square of a column, or its products with other columns, may have lost digits.
 constexpr double smallest_square = 1e-120, largest_square = 1e120;
 // A tile of this many rows × vectors stays in registers.
 constexpr size_t tile_rows = HWY_TARGET == HWY_AVX3 ? 8 : 4, tile_vectors = 2;
+// Sums of BackSubstitute() begin with all rows below a block of this many rows, for every size of a tile.
+constexpr size_t block_rows = 8;
 
 // c = from ± a·b for one tile. a(i, k) = a[i·row + k·col]; the rows of b, c and `from` are contiguous.
-template <size_t vectors, bool minus>
+template <size_t vectors, bool subtract>
 HWY_INLINE void tile(const double* HWY_RESTRICT a, size_t row, size_t col, size_t depth, const double* HWY_RESTRICT b,
                      size_t b_stride, const double* from, double* c, size_t c_stride) {
   const Tag tag;
@@ -47,7 +47,7 @@ HWY_INLINE void tile(const double* HWY_RESTRICT a, size_t row, size_t col, size_
       const Vec left = hn::Set(tag, a[i * row + k * col]);
 #pragma GCC unroll 4
       for (size_t v = 0; v < vectors; ++v)
-        sum[i][v] = minus ? hn::NegMulAdd(left, right[v], sum[i][v]) : hn::MulAdd(left, right[v], sum[i][v]);
+        sum[i][v] = subtract ? minus(sum[i][v], left, right[v]) : plus(sum[i][v], left, right[v]);
     }
   }
 #pragma GCC unroll 8
@@ -57,13 +57,13 @@ HWY_INLINE void tile(const double* HWY_RESTRICT a, size_t row, size_t col, size_
 }
 
 // As tile(), for a block of whole tiles. The rows of b, c and `from` have `width` entries.
-template <bool minus>
+template <bool subtract>
 HWY_INLINE void multiply(size_t rows, const double* a, size_t row, size_t col, size_t depth, const double* b,
                          const double* from, double* c) {
   for (size_t j = 0; j < width; j += tile_vectors * lanes)
     for (size_t i = 0; i < rows; i += tile_rows)
-      tile<tile_vectors, minus>(a + i * row, row, col, depth, b + j, width, from + i * width + j, c + i * width + j,
-                                width);
+      tile<tile_vectors, subtract>(a + i * row, row, col, depth, b + j, width, from + i * width + j, c + i * width + j,
+                                   width);
 }
 
 // Applies the reflections of a panel to a block of columns [R; x] on its right: w = R + Vᵀ x, R -= Tᵀ w, x -= V Tᵀ w. V
@@ -100,7 +100,7 @@ void factor_panel(double* HWY_RESTRICT x, size_t rows, size_t begin, size_t end,
         const double* row = x + (k + h) * width;
         const Vec factor = hn::Set(tag, row[i]);
 #pragma GCC unroll 8
-        for (size_t v = 0; v < vectors; ++v) sum[h][v] = hn::MulAdd(factor, hn::LoadU(tag, row + v * lanes), sum[h][v]);
+        for (size_t v = 0; v < vectors; ++v) sum[h][v] = plus(sum[h][v], factor, hn::LoadU(tag, row + v * lanes));
       }
     for (size_t v = 0; v < vectors; ++v) hn::StoreU(hn::Add(sum[0][v], sum[1][v]), tag, products + v * lanes);
   };
@@ -135,7 +135,7 @@ void factor_panel(double* HWY_RESTRICT x, size_t rows, size_t begin, size_t end,
 #pragma GCC unroll 8
       for (size_t v = 0; v < vectors; ++v) {
         double* to = x + k * width + v * lanes;
-        hn::StoreU(hn::NegMulAdd(factor, change[v], hn::LoadU(tag, to)), tag, to);
+        hn::StoreU(minus(hn::LoadU(tag, to), factor, change[v]), tag, to);
       }
     }
     // T(0…i-1, i) = -τ_i T V_{0…i-1}ᵀ v_i
@@ -167,29 +167,30 @@ void Absorb(double* r, size_t begin, size_t n, double* x, size_t rows) {
   }
 }
 
-// b = r⁻¹ b (n × cols, padded to whole vectors), from the last rows up. All rows below a tile of rows are subtracted
-// from the tile at once. Then the rows of the tile are solved one by one. With `triangular`, b is upper triangular and
-// stays so.
+// b = r⁻¹ b (n × cols, padded to whole vectors), from the last rows up. All rows below a block of rows are subtracted
+// from the block at once. Then the rows of the block are solved one by one. With `triangular`, b is upper triangular
+// and stays so.
 void BackSubstitute(const double* r, size_t n, size_t r_stride, double* b, size_t cols, size_t stride,
                     bool triangular) {
   const Tag tag;
-  for (size_t block = (n + tile_rows - 1) / tile_rows; block-- > 0;) {
-    const size_t begin = block * tile_rows, end = std::min(n, begin + tile_rows);
-    double* const own = b + begin * stride;
+  for (size_t block = (n + block_rows - 1) / block_rows; block-- > 0;) {
+    const size_t begin = block * block_rows, end = std::min(n, begin + block_rows);
     const auto depth = [&](size_t j_end) { return (triangular ? std::min(n, j_end) : n) - end; };
     size_t j = triangular ? end / lanes * lanes : 0;
-    for (; end < n && j + tile_vectors * lanes <= cols; j += tile_vectors * lanes)
-      tile<tile_vectors, true>(r + begin * r_stride + end, r_stride, 1, depth(j + tile_vectors * lanes),
-                               b + end * stride + j, stride, own + j, own + j, stride);
-    for (; end < n && j < cols; j += lanes)
-      tile<1, true>(r + begin * r_stride + end, r_stride, 1, depth(j + lanes), b + end * stride + j, stride, own + j,
-                    own + j, stride);
+    const auto subtract_below = [&]<size_t vectors>(std::integral_constant<size_t, vectors>) {
+      for (; end < n && j + vectors * lanes <= cols; j += vectors * lanes)
+        for (size_t i = begin; i < end; i += tile_rows)
+          tile<vectors, true>(r + i * r_stride + end, r_stride, 1, depth(j + vectors * lanes), b + end * stride + j,
+                              stride, b + i * stride + j, b + i * stride + j, stride);
+    };
+    subtract_below(std::integral_constant<size_t, tile_vectors>());
+    subtract_below(std::integral_constant<size_t, 1>());
     for (size_t i = end; i-- > begin;) {
       const Vec inverse = hn::Set(tag, 1 / r[i * r_stride + i]);
       for (j = triangular ? begin / lanes * lanes : 0; j < cols; j += lanes) {
         Vec sum = hn::LoadU(tag, b + i * stride + j);
         for (size_t k = i + 1; k < end; ++k)
-          sum = hn::NegMulAdd(hn::Set(tag, r[i * r_stride + k]), hn::LoadU(tag, b + k * stride + j), sum);
+          sum = minus(sum, hn::Set(tag, r[i * r_stride + k]), hn::LoadU(tag, b + k * stride + j));
         hn::StoreU(hn::Mul(sum, inverse), tag, b + i * stride + j);
       }
     }

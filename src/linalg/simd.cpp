@@ -5,8 +5,12 @@
 #include <cpuid.h>
 #endif
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <atomic>
+#include <cstdlib>
+#include <stdexcept>
 
 namespace tokid::simd {
 
@@ -33,30 +37,48 @@ Target of_this_machine() {
 #endif
 }
 
-const Target best = of_this_machine();
+std::vector<Target> targets_up_to(Target most) {
+  std::vector<Target> all;
+  for (const Target t : {Target::baseline, Target::sse4, Target::avx2, Target::avx512})
+    if (t <= most) all.push_back(t);
+  return all;
+}
+
+// The best instruction set of this machine, or the one that TOKID_SIMD names.
+Target best() {
+  static const Target chosen = [] {
+    const Target most = of_this_machine();
+    const char* const name = std::getenv("TOKID_SIMD");
+    if (!name) return most;
+    std::string names;
+    for (const Target t : targets_up_to(most)) {
+      if (to_string(t) == name) return t;
+      names += (names.empty() ? "" : ", ") + std::string(to_string(t));
+    }
+    throw std::invalid_argument(
+        fmt::format("TOKID_SIMD: '{}' found, one of the instruction sets of this processor needed: {}", name, names));
+  }();
+  return chosen;
+}
+
 std::atomic<Target> limit{Target::avx512};
 
 }  // namespace
 
-Target target() { return std::min(best, limit.load(std::memory_order_relaxed)); }
+Target target() { return std::min(best(), limit.load(std::memory_order_relaxed)); }
 
 void limit_target(Target most) { limit = most; }
 
-std::vector<Target> targets() {
-  std::vector<Target> all;
-  for (const Target t : {Target::baseline, Target::sse4, Target::avx2, Target::avx512})
-    if (t <= best) all.push_back(t);
-  return all;
-}
+std::vector<Target> targets() { return targets_up_to(best()); }
 
 std::string_view to_string(Target target) {
   switch (target) {
     case Target::avx512:
-      return "AVX-512";
+      return "avx512";
     case Target::avx2:
-      return "AVX2";
+      return "avx2";
     case Target::sse4:
-      return "SSE4";
+      return "sse4";
     default:
       return "baseline";
   }

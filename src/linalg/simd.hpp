@@ -21,12 +21,13 @@ namespace tokid::simd {
 // From the oldest to the newest. Code outside the kernels is compiled for the baseline.
 enum class Target { baseline, sse4, avx2, avx512 };
 
-// The best instruction set of this machine, unless a test has limited it.
+// The best instruction set of this machine, or the one that the environment variable TOKID_SIMD names, unless a test
+// has limited it. \throws std::invalid_argument if TOKID_SIMD names no instruction set of this machine
 Target target();
 // For tests: limits the choice to this instruction set.
 void limit_target(Target best);
 
-// The instruction sets of this machine.
+// The instruction sets of this machine, up to the one that TOKID_SIMD names.
 std::vector<Target> targets();
 std::string_view to_string(Target target);
 

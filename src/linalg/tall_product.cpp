@@ -54,17 +54,8 @@ HWY_BEFORE_NAMESPACE();
 // clang-format on
 namespace tokid::linalg::HWY_NAMESPACE {
 
-// sum ± w x
-template <Rounding rounding, bool minus, class V>
-HWY_INLINE V with_product(V sum, V w, V x) {
-  if constexpr (rounding == Rounding::fused)
-    return minus ? hn::NegMulAdd(w, x, sum) : hn::MulAdd(w, x, sum);
-  else
-    return minus ? hn::Sub(sum, hn::Mul(w, x)) : hn::Add(sum, hn::Mul(w, x));
-}
-
 // Adds the product f to the tile of `sum` that begins at `row` and `column`.
-template <Rounding rounding, bool minus, size_t vectors, size_t columns>
+template <bool subtract, size_t vectors, size_t columns>
 HWY_INLINE void add(const Factors& f, size_t row, size_t column, Vec (&sum)[vectors][columns]) {
   const Tag tag;
   for (size_t i = 0; i < f.inner; ++i) {
@@ -75,12 +66,12 @@ HWY_INLINE void add(const Factors& f, size_t row, size_t column, Vec (&sum)[vect
     for (size_t c = 0; c < columns; ++c) {
       const Vec w = hn::Set(tag, f.w[i * f.w_stride + column + c]);
 #pragma GCC unroll 2
-      for (size_t v = 0; v < vectors; ++v) sum[v][c] = with_product<rounding, minus>(sum[v][c], w, x[v]);
+      for (size_t v = 0; v < vectors; ++v) sum[v][c] = subtract ? minus(sum[v][c], w, x[v]) : plus(sum[v][c], w, x[v]);
     }
   }
 }
 
-template <Rounding rounding, size_t vectors, size_t columns>
+template <size_t vectors, size_t columns>
 HWY_INLINE void tile(const Sum& s, size_t row, size_t column) {
   const Tag tag;
   Vec sum[vectors][columns];
@@ -91,9 +82,9 @@ HWY_INLINE void tile(const Sum& s, size_t row, size_t column) {
       sum[v][c] = s.start ? hn::LoadU(tag, s.start + row + (column + c) * s.start_stride + v * lanes) : hn::Zero(tag);
   for (size_t p = 0; p < s.count; ++p)
     if (s.products[p].minus)
-      add<rounding, true>(s.products[p], row, column, sum);
+      add<true>(s.products[p], row, column, sum);
     else
-      add<rounding, false>(s.products[p], row, column, sum);
+      add<false>(s.products[p], row, column, sum);
 #pragma GCC unroll 4
   for (size_t c = 0; c < columns; ++c)
 #pragma GCC unroll 2
@@ -101,17 +92,17 @@ HWY_INLINE void tile(const Sum& s, size_t row, size_t column) {
       hn::StoreU(sum[v][c], tag, s.out + row + (column + c) * s.out_stride + v * lanes);
 }
 
-template <Rounding rounding, size_t vectors>
+template <size_t vectors>
 HWY_INLINE void columns_of(const Sum& s, size_t row) {
   size_t column = 0;
-  for (; column + 4 <= s.columns; column += 4) tile<rounding, vectors, 4>(s, row, column);
-  for (; column + 2 <= s.columns; column += 2) tile<rounding, vectors, 2>(s, row, column);
-  for (; column < s.columns; ++column) tile<rounding, vectors, 1>(s, row, column);
+  for (; column + 4 <= s.columns; column += 4) tile<vectors, 4>(s, row, column);
+  for (; column + 2 <= s.columns; column += 2) tile<vectors, 2>(s, row, column);
+  for (; column < s.columns; ++column) tile<vectors, 1>(s, row, column);
 }
 
 // One row, which rounds like whole vectors, so that a row has the same result at any place. Several columns at once, so
 // that their sums need not wait for each other.
-template <Rounding rounding, size_t columns>
+template <size_t columns>
 HWY_INLINE void single_row(const Sum& s, size_t row, size_t column) {
   const hn::CappedTag<double, 1> one;
   hn::Vec<hn::CappedTag<double, 1>> sum[columns];
@@ -125,7 +116,7 @@ HWY_INLINE void single_row(const Sum& s, size_t row, size_t column) {
 #pragma GCC unroll 4
       for (size_t c = 0; c < columns; ++c) {
         const auto w = hn::Set(one, f.w[i * f.w_stride + column + c]);
-        sum[c] = f.minus ? with_product<rounding, true>(sum[c], w, x) : with_product<rounding, false>(sum[c], w, x);
+        sum[c] = f.minus ? minus(sum[c], w, x) : plus(sum[c], w, x);
       }
     }
   }
@@ -133,21 +124,17 @@ HWY_INLINE void single_row(const Sum& s, size_t row, size_t column) {
   for (size_t c = 0; c < columns; ++c) s.out[row + (column + c) * s.out_stride] = hn::GetLane(sum[c]);
 }
 
-template <Rounding rounding>
-HWY_INLINE void sum_of_products(const Sum& s) {
+void SumOfProducts(const Sum& s) {
   size_t row = 0;
-  for (; row + 2 * lanes <= s.rows; row += 2 * lanes) columns_of<rounding, 2>(s, row);
-  for (; row + lanes <= s.rows; row += lanes) columns_of<rounding, 1>(s, row);
+  for (; row + 2 * lanes <= s.rows; row += 2 * lanes) columns_of<2>(s, row);
+  for (; row + lanes <= s.rows; row += lanes) columns_of<1>(s, row);
   for (; row < s.rows; ++row) {
     size_t column = 0;
-    for (; column + 4 <= s.columns; column += 4) single_row<rounding, 4>(s, row, column);
-    for (; column + 2 <= s.columns; column += 2) single_row<rounding, 2>(s, row, column);
-    for (; column < s.columns; ++column) single_row<rounding, 1>(s, row, column);
+    for (; column + 4 <= s.columns; column += 4) single_row<4>(s, row, column);
+    for (; column + 2 <= s.columns; column += 2) single_row<2>(s, row, column);
+    for (; column < s.columns; ++column) single_row<1>(s, row, column);
   }
 }
-
-void SumOfProducts(const Sum& s) { sum_of_products<Rounding::fused>(s); }
-void RoundedSumOfProducts(const Sum& s) { sum_of_products<Rounding::separate>(s); }
 
 // The sum of the partial sums, always in the same order: those that are 4 apart, then 2, then 1.
 template <size_t vectors>
@@ -177,7 +164,7 @@ HWY_INLINE void add_squares(const Gram& g, size_t i, size_t j) {
       const Vec x = hn::LoadU(tag, g.columns[i] + k + v * lanes);
 #pragma GCC unroll 4
       for (size_t c = 0; c < columns; ++c)
-        sum[c][v] = hn::Add(sum[c][v], hn::Mul(x, hn::LoadU(tag, g.columns[j + c] + k + v * lanes)));
+        sum[c][v] = plus(sum[c][v], x, hn::LoadU(tag, g.columns[j + c] + k + v * lanes));
     }
   for (size_t c = 0; c < columns; ++c) g.out[i + (j + c) * g.stride] = g.out[j + c + i * g.stride] += total(sum[c]);
 }
@@ -200,8 +187,7 @@ namespace tokid::linalg {
 
 namespace {
 
-void sum_up(const ConstMatrixRef* start, std::initializer_list<TallProduct> products, Eigen::Ref<Matrix> out,
-            Rounding rounding) {
+void sum_up(const ConstMatrixRef* start, std::initializer_list<TallProduct> products, Eigen::Ref<Matrix> out) {
   if (products.size() > most_products)
     throw std::logic_error(
         fmt::format("tall_products: {} products found, up to {} possible", products.size(), most_products));
@@ -222,21 +208,17 @@ void sum_up(const ConstMatrixRef* start, std::initializer_list<TallProduct> prod
     sum.start = start->data();
     sum.start_stride = size_t(start->outerStride());
   }
-  if (rounding == Rounding::fused)
-    TOKID_KERNEL(SumOfProducts)(sum);
-  else
-    TOKID_KERNEL(RoundedSumOfProducts)(sum);
+  TOKID_KERNEL(SumOfProducts)(sum);
 }
 
 }  // namespace
 
-void tall_products(std::initializer_list<TallProduct> products, Eigen::Ref<Matrix> out, Rounding rounding) {
-  sum_up(nullptr, products, out, rounding);
+void tall_products(std::initializer_list<TallProduct> products, Eigen::Ref<Matrix> out) {
+  sum_up(nullptr, products, out);
 }
 
-void tall_products(const ConstMatrixRef& start, std::initializer_list<TallProduct> products, Eigen::Ref<Matrix> out,
-                   Rounding rounding) {
-  sum_up(&start, products, out, rounding);
+void tall_products(const ConstMatrixRef& start, std::initializer_list<TallProduct> products, Eigen::Ref<Matrix> out) {
+  sum_up(&start, products, out);
 }
 
 void add_gram(std::span<const double* const> columns, Index rows, Eigen::Ref<Matrix> sum) {

@@ -37,21 +37,15 @@ struct TallProduct {
   bool minus = false;
 };
 
-// Fused: where the processor can, a product and its sum are rounded once. This is faster. Separate: both are rounded,
-// with the same bits for every instruction set.
-enum class Rounding { fused, separate };
-
 // out (rows × q) = `start` (if given) plus up to three products, in one pass. This is faster than general products,
 // which first copy their factors. `out` may be `start`, but shares no memory with the factors.
-void tall_products(std::initializer_list<TallProduct> products, Eigen::Ref<Matrix> out,
-                   Rounding rounding = Rounding::fused);
-void tall_products(const ConstMatrixRef& start, std::initializer_list<TallProduct> products, Eigen::Ref<Matrix> out,
-                   Rounding rounding = Rounding::fused);
+void tall_products(std::initializer_list<TallProduct> products, Eigen::Ref<Matrix> out);
+void tall_products(const ConstMatrixRef& start, std::initializer_list<TallProduct> products, Eigen::Ref<Matrix> out);
 
 // The number of rows of X in add_gram() is a multiple of this.
 inline constexpr Index gram_rows = 8;
 // sum += XᵀX in the upper left corner of a symmetric `sum`, for the columns of X (`rows` numbers each). Of `sum`, only
-// the lower triangle is read. The sum has the same bits for every instruction set.
+// the lower triangle is read.
 // \throws std::logic_error for a small `sum` or a wrong number of rows
 void add_gram(std::span<const double* const> columns, Index rows, Eigen::Ref<Matrix> sum);
 

@@ -355,7 +355,7 @@ GtvArx gtv_arx(const Ensemble& ensemble, const GtvArxOptions& options) {
   const Index lanes = linalg::LaneRegression::lanes();
   if (options.block == 0 && (p + 1) * ensemble.channels() <= linalg::LaneRegression::most_columns() &&
       ensemble.experiments() > minimum_experiments(ensemble.inputs(), ensemble.outputs(), p, options.feedthrough) &&
-      steps - first >= lanes) {
+      steps - first >= linalg::LaneRegression::most_lanes) {  // not lanes: the same route with every instruction set
     regress_alone(windows, arx.k_begin, first, {options.execution.threads, {}}, options, arx);
     parallel_for(0, (steps - first + lanes - 1) / lanes, options.execution, [&](Index begin, Index end) {
       LaneRoute route(windows, p, options, arx);

@@ -8,12 +8,6 @@
 
 namespace tokid::kalman {
 
-namespace {
-
-constexpr linalg::Rounding each_product = linalg::Rounding::separate;
-
-}  // namespace
-
 bool nearly_equal(const ConstMatrixRef& a, const ConstMatrixRef& b) {
   constexpr double unchanged = 1e-14;
   for (Index j = 0; j < a.cols(); ++j)
@@ -74,17 +68,16 @@ void correct_means(const Step& own, const std::vector<Index>& there, const Corre
   l.rightCols(l.cols() - own.states()).setZero();
   if (there.empty()) return;
   innovation.resize(y.rows(), own.outputs());
-  linalg::tall_products(y, {{x, own.C(), true}, {u, own.D(), true}}, innovation, each_product);
+  linalg::tall_products(y, {{x, own.C(), true}, {u, own.D(), true}}, innovation);
   each_missing(there, own.outputs(), [&](Index j) { innovation.col(j).setZero(); });
-  linalg::tall_products(l, {{innovation, c.gain}}, l, each_product);
+  linalg::tall_products(l, {{innovation, c.gain}}, l);
 }
 
 void advance_means(const Step& own, const std::vector<Index>& unknown, const ConstMatrixRef& l, const ConstMatrixRef& u,
                    Matrix& of_unknown, Eigen::Ref<Matrix> next) {
   of_unknown = own.B()(Eigen::all, unknown);
   linalg::tall_products(
-      {{l.leftCols(own.states()), own.A()}, {u, own.B()}, {l.rightCols(Index(unknown.size())), of_unknown}}, next,
-      each_product);
+      {{l.leftCols(own.states()), own.A()}, {u, own.B()}, {l.rightCols(Index(unknown.size())), of_unknown}}, next);
 }
 
 }  // namespace tokid::kalman

@@ -44,8 +44,7 @@ bool nearly_equal(const ConstMatrixRef& a, const ConstMatrixRef& b);
 void with_columns(const ConstMatrixRef& a, const ConstMatrixRef& b, const std::vector<Index>& columns, Matrix& both);
 
 // E[l_k | y_0 … y_k] (N × q) from x = E[x_k | y_0 … y_{k-1}] (N × n_k), for experiments with the same missing samples;
-// u (N × r) and y (N × m) are zero where missing. `innovation` is y - C x - D u, zero where missing. Products are
-// rounded before they are added: EM amplifies rounding errors, and its results must not depend on the instruction set.
+// u (N × r) and y (N × m) are zero where missing. `innovation` is y - C x - D u, zero where missing.
 void correct_means(const Step& own, const std::vector<Index>& there, const Correction& c, const ConstMatrixRef& x,
                    const ConstMatrixRef& u, const ConstMatrixRef& y, Matrix& innovation, Eigen::Ref<Matrix> l);
 // E[x_{k+1} | y_0 … y_k] (N × n_{k+1})

@@ -67,7 +67,6 @@ class LaneSmoother {
   LaneSmoother(Index steps, Index states, Index inputs, Index outputs);
 
   bool fits(const LaneModel& model) const { return n_ == model.n && r_ == model.r && m_ == model.m; }
-  // Multiplications and additions are rounded one by one, so that every instruction set gives the same bits.
   void filter(const LaneModel& model, const LaneSamples& samples, Vector& log_likelihood);
   // Also adds the second moments to `sums`.
   void smooth(const LaneModel& model, const LaneSamples& samples, Vector& log_likelihood, Moments& sums);

@@ -54,7 +54,7 @@ class Means {
       const std::vector<Index>& there = group.outputs[s];
       correct_means(step, there, c, predicted(s), inputs(s), outputs(s), innovation_, estimated(s));
       if (!there.empty()) {
-        linalg::tall_products({{innovation_, c.whitener}}, white_, separate);
+        linalg::tall_products({{innovation_, c.whitener}}, white_);
         squares_ = white_.array().square().rowwise().sum();
         log_likelihood.segment(first, count).array() -=
             0.5 * (squares_.head(count).array() + weight_ * (c.log_det + double(there.size()) * log_two_pi));
@@ -70,7 +70,7 @@ class Means {
       const size_t s = size_t(t);
       auto l = estimated(s);
       change_ = estimated(s + 1).leftCols(model.step[s].next_states()) - predicted(s + 1);
-      linalg::tall_products(l, {{change_, covariances.at(s).smoother}}, l, separate);
+      linalg::tall_products(l, {{change_, covariances.at(s).smoother}}, l);
     }
   }
 
@@ -128,8 +128,6 @@ class Means {
   Eigen::Map<Matrix> estimated(size_t s) { return {memory_.data() + place_[s].estimated, rows_, place_[s].latent}; }
 
  private:
-  static constexpr linalg::Rounding separate = linalg::Rounding::separate;
-
   // Where the numbers of a step begin. The latent vector l_k = [x_k; missing inputs] has `latent` entries.
   struct Place {
     Index inputs = 0, outputs = 0, predicted = 0, estimated = 0, states = 0, latent = 0;
@@ -148,7 +146,7 @@ class Means {
     const Matrix& map = joint_.from_states_and_inputs;
     linalg::tall_products(
         {{available_, joint_.from_outputs}, {l.leftCols(n), map.leftCols(n)}, {inputs(s), map.rightCols(r)}},
-        outputs(s), separate);
+        outputs(s));
   }
 
   // Makes room for the experiments, and copies their samples and the mean of x_0.

@@ -28,7 +28,7 @@ class Smoother {
 
   // The model must have Q, R, and either x0_mean and x0_cov or a zero state at its first step. A missing input counts
   // as random: its mean is zero, its variance is the mean square of its channel, and it has no correlation in time. The
-  // sums have the same bits for any number of threads, and for every instruction set. With `together`, the moments of
+  // sums have the same bits for any number of threads. With `together`, the moments of
   // all steps are one sum, with one entry in each list.
   // \throws std::logic_error if the state dimension varies
   Smoothed smooth(const Model& model, const Execution& execution = {}, bool together = false);

@@ -60,14 +60,6 @@ class Folder {
   fs::path path_;
 };
 
-class OnlyUpTo {
- public:
-  explicit OnlyUpTo(simd::Target target) { simd::limit_target(target); }
-  OnlyUpTo(const OnlyUpTo&) = delete;
-  OnlyUpTo& operator=(const OnlyUpTo&) = delete;
-  ~OnlyUpTo() { simd::limit_target(simd::Target::avx512); }
-};
-
 // Inputs that differ by 1 / condition from those of the first channel, or, where it is the only one, of the step
 // before.
 void draw_inputs(Ensemble& e, double condition, Random& random) {
@@ -147,13 +139,10 @@ std::vector<std::pair<std::string, GtvArx>> every_route(const Ensemble& e, Index
   o.block = whole(random, 2, 2 * lags + 2);
   routes.emplace_back("shared window", gtv_arx(e, o));
   o.block = 0;
-  for (const simd::Target target : simd::targets()) {
-    const OnlyUpTo limit(target);
-    const bool in_lanes = (lags + 1) * e.channels() <= linalg::LaneRegression::most_columns() &&
-                          e.experiments() > minimum_experiments(e.inputs(), e.outputs(), lags) &&
-                          e.steps() - lags >= linalg::LaneRegression::lanes();
-    if (in_lanes) routes.emplace_back("SIMD lanes, " + std::string(simd::to_string(target)), gtv_arx(e, o));
-  }
+  const bool in_lanes = (lags + 1) * e.channels() <= linalg::LaneRegression::most_columns() &&
+                        e.experiments() > minimum_experiments(e.inputs(), e.outputs(), lags) &&
+                        e.steps() - lags >= linalg::LaneRegression::most_lanes;
+  if (in_lanes) routes.emplace_back("SIMD lanes", gtv_arx(e, o));
   const Index batch = whole(random, 1, 1 + e.experiments() / 4);
   WindowFactors factors = window_factors(e.subset(range(0, batch)), lags, o.initial_state);
   for (Index n = batch; n < e.experiments(); n += batch)
@@ -721,10 +710,6 @@ AccuracyFindings identifications(int cases) {
       findings.all.push_back(about);
     };
     judge_route("identify", identify(e, options).model);
-    {
-      const OnlyUpTo limit(simd::Target::baseline);
-      judge_route("identify, baseline", identify(e, options).model);
-    }
     save_ensemble(e, folder / "whole.h5");
     StreamOptions stream;
     stream.identify = options;
