@@ -25,6 +25,7 @@
 #include "diagnose/repeats.hpp"
 #include "identify/examine.hpp"
 #include "identify/identify.hpp"
+#include "identify/prepare.hpp"
 #include "model/comparison.hpp"
 #include "model/options.hpp"
 #include "model/outlying_samples.hpp"
@@ -34,16 +35,6 @@
 namespace tokid {
 
 namespace {
-
-// Steps that share a model also share one mean motion. Each step is therefore replaced by its phase.
-void count_in_phases(NominalTest& test, Index period) {
-  for (NominalTest::Departure& departure : test.departures) {
-    std::vector<Index>& steps = departure.steps;
-    for (Index& k : steps) k %= period;
-    std::sort(steps.begin(), steps.end());
-    steps.erase(std::unique(steps.begin(), steps.end()), steps.end());
-  }
-}
 
 // Checks the options against this ensemble.
 void check_jumps(const Ensemble& data, const IdentifyOptions& options) {
@@ -87,38 +78,6 @@ void check_method(const Ensemble& data, const IdentifyOptions& options) {
     throw std::invalid_argument(
         "experiments: 1 found, at least 2 needed to identify how a system varies in time (one is enough if the "
         "system is stated to be time-invariant or periodic)");
-}
-
-// A model explains only the response to the inputs and to a state. A significant mean motion is therefore removed
-// first.
-struct Departures {
-  Nominal nominal;
-  Ensemble data;
-};
-struct NominalDecision {
-  NominalTest test;  // if the choice was automatic
-  std::optional<Departures> departures;
-  Findings findings;
-};
-
-// `weights`: of the experiments.
-NominalDecision decide_nominal(const Ensemble& measured, const Vector& weights, const IdentifyOptions& options) {
-  NominalDecision result;
-  if (options.nominal == NominalChoice::none) return result;
-  if (!options.nominal) {
-    result.test = test_nominal(options.period > 0 ? *selection_samples(measured, options).samples : measured);
-    if (options.period > 0) count_in_phases(result.test, options.period);
-    if (!result.test.significant) return result;
-  }
-  if (measured.experiments() < 2 && options.period == 0)
-    throw std::invalid_argument("nominal: one experiment equals its own mean motion, at least 2 experiments needed");
-  Nominal nominal = weights.minCoeff() < 1 ? weighted_nominal(measured, weights) : nominal_trajectory(measured);
-  if (options.period > 0) share_phases(nominal, options.period);
-  Ensemble data = departures(measured, nominal);
-  if (data.free.experiments == 1) result.findings.push_back({.kind = Finding::Kind::free_response_single});
-  data.free = free_departures(data.free);
-  result.departures = Departures{std::move(nominal), std::move(data)};
-  return result;
 }
 
 // Findings about the samples, before anything is chosen.
@@ -316,17 +275,36 @@ void take_evidence(NominalTest nominal, Regressed regression, const RegressionSu
   result.singular_value_gap = statistics::median(singular_value_gaps(result.model));
 }
 
+// The model, the plan and the sums in findings of the measured samples, from those of the prepared samples.
+Model measured_model(Model model, const Prepared& prepared) {
+  model = out_of_units(std::move(model), prepared.units);
+  if (prepared.nominal) {
+    model.u_nominal = prepared.nominal->u;
+    model.y_nominal = prepared.nominal->y;
+  }
+  return model;
+}
+
+Findings measured_findings(Findings findings, const Units& units) {
+  for (Finding& finding : findings)
+    for (Finding::Term& term : finding.terms)
+      term.factor /= (term.channel.output ? units.output : units.input)(term.channel.index);
+  return findings;
+}
+
+Plan measured_plan(Plan plan, const Units& units) {
+  if (plan.output_size.size() > 0) plan.output_size = plan.output_size.cwiseProduct(units.output);
+  if (plan.input_size.size() > 0) plan.input_size = plan.input_size.cwiseProduct(units.input);
+  return plan;
+}
+
 // The model before EM, as its caller gets it.
-Model first_model(Model model, const Plan& plan, const Nominal* nominal, const Ensemble& training,
+Model first_model(const Model& model, const Plan& plan, const Prepared& prepared, const Ensemble& training,
                   const IdentifyOptions& options) {
   Identification found;
-  if (nominal) {
-    model.u_nominal = nominal->u;
-    model.y_nominal = nominal->y;
-  }
   Findings findings;
   found.plan = plan;
-  found.model = framed(std::move(model), plan, findings);
+  found.model = framed(measured_model(model, prepared), plan, findings);
   found.experiments = training.experiments();
   found.steps = training.steps();
   found.model.provenance = origin_of(options, true, found);
@@ -359,13 +337,10 @@ Identification identified(const Ensemble& used, const Vector& weights, const Mea
   const Vector of_training = training.experiments() == used.experiments()
                                  ? weights
                                  : Vector(weights(other_rows(used.experiments(), parts.held_out_rows)));
-  NominalDecision decision = decide_nominal(training, of_training, options);
-  append(findings, std::move(decision.findings));
-  const bool nominal = decision.departures.has_value();
-  const Ensemble& unweighted = nominal ? decision.departures->data : training;
-  std::optional<Ensemble> scaled;
-  if (of_training.minCoeff() < 1) scaled = weighted(unweighted, of_training);
-  const Ensemble& data = scaled ? *scaled : unweighted;
+  Prepared prepared = prepare(training, of_training, options);
+  append(findings, std::move(prepared.findings));
+  const bool nominal = prepared.nominal.has_value();
+  const Ensemble& data = prepared.data;
   check_method(data, options);
   append(findings, findings_of_lags(data, options));
 
@@ -373,24 +348,21 @@ Identification identified(const Ensemble& used, const Vector& weights, const Mea
   Regressed regression = regressed(data, selection, nominal, options);
   append(findings, std::move(regression.findings));
   const RegressionSurvey survey = survey_of(regression.arx, nominal, 0, regression.arx.steps());
-  append(findings, findings_of_regressions(data, samples, regression, survey, options));
+  append(findings,
+         measured_findings(findings_of_regressions(data, samples, regression, survey, options), prepared.units));
 
   const Index regressed_from = regression.arx.k_begin;
   BeforeEm before_em;
   if (on_model)
     before_em = [&](const Model& model, const Plan& plan) {
-      on_model(first_model(model, plan, nominal ? &decision.departures->nominal : nullptr, training, options));
+      on_model(first_model(model, plan, prepared, training, options));
     };
   Realised realisation = realised(data, selection, regression.plan, std::move(regression.arx), options, before_em);
   append(findings, std::move(realisation.findings));
-  result.plan = std::move(realisation.plan);
-  result.model = std::move(realisation.model);
+  result.plan = measured_plan(std::move(realisation.plan), prepared.units);
+  result.model = measured_model(std::move(realisation.model), prepared);
   append(findings, findings_of_free_responses(data.free, result.plan));
   append(findings, findings_of_absent_states(result.model));
-  if (nominal) {
-    result.model.u_nominal = decision.departures->nominal.u;
-    result.model.y_nominal = decision.departures->nominal.y;
-  }
   ValidateOptions validation;
   validation.initial_state = result.plan.initial_state;
   const Course course = !result.plan.noisy ? Course::exact : result.plan.coupled ? course_of(options) : Course::noisy;
@@ -410,7 +382,7 @@ Identification identified(const Ensemble& used, const Vector& weights, const Mea
   result.experiments = training.experiments();
   result.steps = training.steps();
   result.min_experiments = experiments_for(training, result.plan.lags, result.plan);
-  take_evidence(std::move(decision.test), std::move(regression), survey, std::move(realisation), result);
+  take_evidence(std::move(prepared.nominal_test), std::move(regression), survey, std::move(realisation), result);
   result.held_out = holding_out;
   const bool chosen = result.plan.noisy || options.choices;
   result.model.provenance = origin_of(options, chosen, result);
@@ -419,8 +391,7 @@ Identification identified(const Ensemble& used, const Vector& weights, const Mea
   if (validating) {
     const Execution execution = in_stage(options.execution, WorkStage::validation, course);
     if (execution.progress) execution.progress({});
-    scaled.reset();  // frees memory for the validation
-    decision.departures.reset();
+    prepared.data = {};  // frees memory for the validation
     result.validation =
         validated(result.model, training, holding_out ? &parts.held_out : nullptr, measured, validation);
     append(findings, result.validation.findings);

@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "identify/prepare.hpp"
+
+#include <algorithm>
+#include <stdexcept>
+#include <utility>
+
+#include "choose/regression.hpp"
+#include "data/content_order.hpp"
+#include "tokid/corrections.hpp"
+
+namespace tokid {
+
+namespace {
+
+// Steps that share a model also share one mean motion. Each step is therefore replaced by its phase.
+void count_in_phases(NominalTest& test, Index period) {
+  for (NominalTest::Departure& departure : test.departures) {
+    std::vector<Index>& steps = departure.steps;
+    for (Index& k : steps) k %= period;
+    std::sort(steps.begin(), steps.end());
+    steps.erase(std::unique(steps.begin(), steps.end()), steps.end());
+  }
+}
+
+// A model explains only the response to the inputs and to a state. Is there a significant mean motion, which must be
+// removed first?
+bool removes_nominal(const Ensemble& measured, const IdentifyOptions& options, NominalTest& test) {
+  if (options.nominal) return *options.nominal != NominalChoice::none;
+  test = test_nominal(options.period > 0 ? *selection_samples(measured, options).samples : measured);
+  if (options.period > 0) count_in_phases(test, options.period);
+  return test.significant;
+}
+
+void remove_nominal(const Vector& weights, Index period, Prepared& result) {
+  Ensemble& data = result.data;
+  if (data.experiments() < 2 && period == 0)
+    throw std::invalid_argument("nominal: one experiment equals its own mean motion, at least 2 experiments needed");
+  result.nominal = weights.minCoeff() < 1 ? weighted_nominal(data, weights) : nominal_trajectory(data);
+  if (period > 0) share_phases(*result.nominal, period);
+  data = departures(std::move(data), *result.nominal);
+  if (data.free.experiments == 1) result.findings.push_back({.kind = Finding::Kind::free_response_single});
+  data.free = free_departures(data.free);
+}
+
+}  // namespace
+
+Prepared prepare(const Ensemble& measured, const Vector& measured_weights, const IdentifyOptions& options) {
+  const std::vector<Index> order = content_order(measured);
+  const Vector weights = measured_weights(order);
+  Prepared result;
+  result.data = measured.subset(order);
+  if (removes_nominal(result.data, options, result.nominal_test)) remove_nominal(weights, options.period, result);
+  if (weights.minCoeff() < 1) result.data = weighted(std::move(result.data), weights);
+  result.units = units_of(result.data);
+  result.data = in_units(std::move(result.data), result.units);
+  return result;
+}
+
+}  // namespace tokid
