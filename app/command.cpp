@@ -11,7 +11,10 @@ namespace {
 
 CLI::Option* described(CLI::Option* option, const char* type) {
   const bool argument = option->get_lnames().empty() && option->get_snames().empty();
-  return option->required(argument)->type_name(type);
+  option->required(argument)->type_name(type)->check([](const std::string& text) {
+    return text.empty() ? std::string("'' found, a text that is not empty needed") : std::string();
+  });
+  return option;
 }
 
 Choices<DateOrder> date_orders() {
@@ -127,6 +130,10 @@ void Command::output(fs::path& target, const char* description, const char* type
   described(parser_->add_option("-o,--output", target, description), type)->required();
 }
 
+void Command::name(const char* name, std::string& target, const char* type, const char* description) {
+  described(parser_->add_option(name, target, description), type);
+}
+
 void Command::columns(ReadOptions& options) {
   const auto add = [this](const char* name, std::vector<std::string>& target, const char* type, const char* what,
                           const char* description) {
@@ -144,27 +151,20 @@ void Command::columns(ReadOptions& options) {
       "Columns of a .csv that are inputs (default: names beginning with u)");
   add("--outputs", options.outputs, "A,B,...", name_of_column,
       "Columns of a .csv that are outputs (default: names beginning with y)");
-  text(
-      "--time", "NAME", "Column of a .csv with the times (default: by names such as time and t, or by time stamps)",
-      [&options](const std::string& name) { return !(options.time = name).empty(); }, "the name of a column needed");
-  text(
-      "--experiment-column", "NAME", "Column of a .csv that names the experiments (default: experiment)",
-      [&options](const std::string& name) { return !(options.experiment = name).empty(); },
-      "the name of a column needed");
+  name("--time", options.time, "NAME",
+       "Column of a .csv with the times (default: by names such as time and t, or by time stamps)");
+  name("--experiment-column", options.experiment, "NAME",
+       "Column of a .csv that names the experiments (default: experiment)");
   add("--missing", options.missing, "WORD,...", word,
       "Words in a .csv that stand for a missing sample, besides Bad, ---, NaN, null and others");
   choice("--dates", options.dates, date_orders(),
          "Order of day and month in dates of a .csv such as 03/04/2026 (default: the order that its dates show)");
-  text(
-      "--trigger", "CONDITION",
-      "Condition on a column of a .csv, as 'valve>0.5': step 0 is the first sample at which it holds",
-      [&options](const std::string& condition) { return !(options.trigger = condition).empty(); },
-      "a condition needed");
+  name("--trigger", options.trigger, "CONDITION",
+       "Condition on a column of a .csv, as 'valve>0.5': step 0 is the first sample at which it holds");
   number("--before", options.before, "STEPS", "Steps to keep before the trigger (default 0)", Index{0},
          Index{1'000'000'000});
-  const auto seconds = [](const std::string& number) -> std::optional<std::optional<double>> {
-    const auto dt = parse_number<double>(number, 0.0, std::numeric_limits<double>::max());
-    return dt && *dt > 0 ? std::optional(dt) : std::nullopt;
+  const auto seconds = [](const std::string& text) {
+    return parse_number(text, std::numeric_limits<double>::min(), std::numeric_limits<double>::max());
   };
   value("--dt", options.dt, "SECONDS",
         "Sample time of a .csv: times are moved to its steps, by up to a tenth of a step", seconds,
@@ -177,10 +177,7 @@ void Command::columns(ReadOptions& options) {
   value(
       "--longest-gap", options.longest_gap, "STEPS",
       "Longest gap that --resample fills (default 3; no limit for --held and the method previous)",
-      [](const std::string& steps) -> std::optional<std::optional<std::int64_t>> {
-        const auto gap = parse_number<std::int64_t>(steps, 1, 1'000'000'000);
-        return gap ? std::optional(gap) : std::nullopt;
-      },
+      [](const std::string& text) { return parse_number<std::int64_t>(text, 1, 1'000'000'000); },
       "a whole number from 1 to 1000000000 needed");
 }
 

@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <charconv>
 #include <filesystem>
 #include <functional>
@@ -51,8 +52,13 @@ std::string words_of(const ReadOptions& options);
 template <class T>
 using Choices = std::vector<std::pair<std::string, T>>;
 
+template <class T>
+inline constexpr bool is_optional = false;
+template <class T>
+inline constexpr bool is_optional<std::optional<T>> = true;
+
 // Every target must live until the command line is parsed, because the parser writes to it. Names without a dash are
-// required arguments.
+// required arguments. No argument or option accepts an empty text, because that would mean "not given".
 class Command {
  public:
   // Adds the command with its help text and one example of its use.
@@ -65,6 +71,7 @@ class Command {
   void file(const char* name, fs::path& target, const char* description);
   void files(const char* name, std::vector<fs::path>& targets, const char* description);  // one or more, also repeated
   void output(fs::path& target, const char* description, const char* type = "FILE");      // -o, required
+  void name(const char* name, std::string& target, const char* type, const char* description);
   void columns(ReadOptions& options);  // --inputs, --outputs, and how a .csv is read
   void horizon(Index& target);
   void threads(int& target);
@@ -86,16 +93,17 @@ class Command {
   }
 
   // One of several words. The message about a wrong word lists them.
-  template <class T>
-  void choice(const char* name, T& target, const Choices<T>& choices, const char* description) {
+  template <class T, class Meaning>
+  void choice(const char* name, T& target, const Choices<Meaning>& choices, const char* description) {
     std::string words;
     for (const auto& [word, meaning] : choices) words += (words.empty() ? "" : "|") + word;
-    const auto choose = [choices](const std::string& text) -> std::optional<T> {
-      for (const auto& [word, meaning] : choices)
-        if (word == text) return meaning;
-      return std::nullopt;
+    const auto set = [&target, choices](const std::string& text) {
+      const auto found =
+          std::find_if(choices.begin(), choices.end(), [&](const auto& one) { return one.first == text; });
+      if (found != choices.end()) target = found->second;
+      return found != choices.end();
     };
-    value(name, target, words.c_str(), description, choose, fmt::format("one of {} needed", words));
+    text(name, words.c_str(), description, set, fmt::format("one of {} needed", words));
   }
 
   // Sets the target to the value that `parse` returns for the text. If `parse` returns none, the error message contains
@@ -103,8 +111,11 @@ class Command {
   template <class T, class Parse>
   void value(const char* name, T& target, const char* type, const char* description, const Parse& parse,
              std::string needed) {
+    using Parsed = std::invoke_result_t<Parse, const std::string&>;
+    // std::optional(x) copies an optional x and does not wrap it. "No value" would then be a value.
+    static_assert(!is_optional<typename Parsed::value_type>, "`parse` must return an optional of a plain value");
     const auto set = [&target, parse](const std::string& text) {
-      auto parsed = parse(text);
+      Parsed parsed = parse(text);
       if (parsed) target = std::move(*parsed);
       return parsed.has_value();
     };

@@ -76,9 +76,7 @@ void add_export(CLI::App& tool) {
   command.output(call->output, "Source to write: .c. Its header, .h, is written beside it");
   command.file("--controller", call->controller, "Controller of the model, written by tokid lqr");
   command.flag("--float", call->options.single_precision, "Numbers of type float (default double)");
-  command.value(
-      "--name", call->options.name, "NAME", "Beginning of all names in C (default that of the file)",
-      [](const std::string& text) { return text.empty() ? std::nullopt : std::optional(text); }, "a name needed");
+  command.name("--name", call->options.name, "NAME", "Beginning of all names in C (default that of the file)");
   command.flag("--start-from-zero", call->options.start_from_zero,
                "Start from the zero state if the initial state is unknown");
   command.flag("--json", call->json, "Print one JSON object");

@@ -127,12 +127,10 @@ void run(const Call& call) {
   warn(outcome.findings);
 }
 
-// Outer value empty: the text is not valid. Inner value empty: "auto".
-std::optional<std::optional<double>> smoothing(const std::string& text) {
-  if (text == "auto") return std::optional<double>();
-  const auto value = text == "infinity" ? std::numeric_limits<double>::infinity() : parse_number(text, 0.0, 1e12);
-  if (!value) return std::nullopt;
-  return value;
+// False: the text is no penalty. "auto" empties the target.
+bool set_smoothing(std::optional<double>& target, const std::string& text) {
+  target = text == "infinity" ? std::numeric_limits<double>::infinity() : parse_number(text, 0.0, 1e12);
+  return target || text == "auto";
 }
 
 }  // namespace
@@ -146,10 +144,11 @@ void add_refine(CLI::App& tool) {
   command.argument("DATA", call->data, "Ensemble: .npz, .h5, .mat or .csv");
   command.output(call->output, "Model to write: .npz, .h5 or .mat");
   command.columns(call->read);
-  command.value(
-      "--smoothing", call->options.smoothing, "LAMBDA|auto",
+  command.text(
+      "--smoothing", "LAMBDA|auto",
       "Penalty lambda on variation over time (auto: that of the identification of the model, else by cross-validation)",
-      smoothing, "a number from 0 on, infinity or auto needed");
+      [call](const std::string& text) { return set_smoothing(call->options.smoothing, text); },
+      "a number from 0 to 1e12, infinity or auto needed");
   command.number<Index>("--period", call->period, "P", "Steps k and k+P share their matrices (1: all steps share them)",
                         1, 1'000'000'000);
   command.flag(

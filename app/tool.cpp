@@ -21,6 +21,27 @@
 #include "tokid/printable.hpp"
 
 namespace tokid::app {
+
+void add_commands(CLI::App& tool) {
+  add_identify(tool);
+  add_validate(tool);
+  add_refine(tool);
+  add_update(tool);
+  add_report(tool);
+  add_paper(tool);
+  add_confidence(tool);
+  add_modes(tool);
+  add_simulate(tool);
+  add_predict(tool);
+  add_info(tool);
+  add_plan(tool);
+  add_lqr(tool);
+  add_learn(tool);
+  add_export(tool);
+  add_example(tool);
+  add_convert(tool);
+}
+
 namespace {
 
 constexpr int failed = 1, wrong_call = 2;
@@ -56,26 +77,6 @@ void open_standard_streams() {
   for (const int fd : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO})
     while (fcntl(fd, F_GETFD) == -1 && open("/dev/null", O_RDWR) >= 0)
       ;
-}
-
-void add_commands(CLI::App& tool) {
-  add_identify(tool);
-  add_validate(tool);
-  add_refine(tool);
-  add_update(tool);
-  add_report(tool);
-  add_paper(tool);
-  add_confidence(tool);
-  add_modes(tool);
-  add_simulate(tool);
-  add_predict(tool);
-  add_info(tool);
-  add_plan(tool);
-  add_lqr(tool);
-  add_learn(tool);
-  add_export(tool);
-  add_example(tool);
-  add_convert(tool);
 }
 
 std::vector<std::string> command_names(const CLI::App& tool) {

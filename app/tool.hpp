@@ -7,6 +7,10 @@
 
 #include "tokid/team.hpp"
 
+namespace CLI {
+class App;
+}
+
 namespace tokid::app {
 
 // The processes that share the work: one process, unless tokid-mpi sets more.
@@ -18,6 +22,9 @@ struct Outcome {
   std::string complaint;
 };
 Outcome run_tool(int argc, char** argv);
+
+// Adds all commands with their options.
+void add_commands(CLI::App& tool);
 
 // The error message for a command line; empty if the command line is valid. The command does not run.
 std::string complaint(int argc, const char* const* argv);
