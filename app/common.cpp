@@ -5,15 +5,18 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cctype>
 #include <cerrno>
 #include <cmath>
+#include <csignal>
 #include <cstdio>
 #include <limits>
 #include <sstream>
 #include <system_error>
 
 #include "base/words.hpp"
+#include "io/guard/atomic_file.hpp"
 #include "tokid/printable.hpp"
 #include "tool.hpp"
 
@@ -36,6 +39,15 @@ bool same_file(const fs::path& a, const fs::path& b) {
 
 namespace {
 
+std::atomic<const char*> lock_file = nullptr;
+static_assert(std::atomic<const char*>::is_always_lock_free);  // a handler of signals must not wait
+
+void end_without_lock_file(int signal) {
+  if (const char* name = lock_file.exchange(nullptr)) unlink(name);
+  std::signal(signal, SIG_DFL);
+  std::raise(signal);
+}
+
 // The files of a folder or of a pattern. A path without any file stands for itself; its reader reports it.
 std::vector<fs::path> files_of(const fs::path& path) {
   try {
@@ -47,9 +59,16 @@ std::vector<fs::path> files_of(const fs::path& path) {
 
 }  // namespace
 
-FileLock held_file(const fs::path& path, double limit) {
-  return FileLock(path, {limit, [](const std::string& text) { message(text); }});
+HeldFile::HeldFile(const fs::path& path, double limit)
+    : FileLock(path, {limit, [](const std::string& text) { message(text); }}) {
+  static std::string name;  // the handlers of signals may read it until the process ends
+  name = io::hidden_name(fs::absolute(io::resolved(path)), ".lock").string();
+  lock_file = name.c_str();
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP})
+    if (std::signal(signal, end_without_lock_file) == SIG_IGN) std::signal(signal, SIG_IGN);  // as nohup needs it
 }
+
+HeldFile::~HeldFile() { lock_file = nullptr; }  // before FileLock releases the name, because others may then use it
 
 void check_output(const fs::path& path, Content content, const std::vector<fs::path>& kept) {
   const auto refuse = [&path](const std::string& why) { throw IoError(fmt::format("{}: {}", path.string(), why)); };

@@ -44,7 +44,16 @@ Ensemble load_reference(const Model& model, const fs::path& path, ReadOptions op
 
 // Locks a file that is read, changed and written. If another process has the lock, the function reports on stderr that
 // it waits. \throws as FileLock
-FileLock held_file(const fs::path& path, double limit = LockOptions().limit);
+//
+// A signal that ends the process would skip all destructors. While this object lives, such a signal therefore removes
+// the lock file before the process ends. At most one object at a time.
+class HeldFile : public FileLock {
+ public:
+  explicit HeldFile(const fs::path& path, double limit = LockOptions().limit);
+  ~HeldFile();
+  HeldFile(const HeldFile&) = delete;
+  HeldFile& operator=(const HeldFile&) = delete;
+};
 bool same_file(const fs::path& a, const fs::path& b);  // also for names of files that do not exist
 
 // Puts the name of the file in front of errors about an argument, because the library does not know the file.

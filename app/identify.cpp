@@ -573,8 +573,8 @@ std::string about_first(const Model& model, const Ensemble& data) {
 void run_at_once(const Call& call) {
   // The lock begins before the identification. Otherwise another process could update the old state meanwhile, and this
   // update would be lost.
-  std::optional<FileLock> held;
-  if (!call.state.empty()) held.emplace(held_file(call.state));
+  std::optional<HeldFile> held;
+  if (!call.state.empty()) held.emplace(call.state);
   const Ensemble data = load_ensemble(call.paths, call.read);
   const Identification result = about(call.data, [&call, &data] {
     ProgressBar bar(!call.quiet);

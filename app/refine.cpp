@@ -105,8 +105,8 @@ Json json(const Call& call, const Ensemble& data, const RefinedModel& outcome) {
 
 void run(const Call& call) {
   check_output(call.output, Content::model, {call.data});
-  std::optional<FileLock> held;  // needed if the output replaces the model
-  if (same_file(call.model, call.output)) held.emplace(held_file(call.output));
+  std::optional<HeldFile> held;  // needed if the output replaces the model
+  if (same_file(call.model, call.output)) held.emplace(call.output);
   const Model model = load_model(call.model);
   const Ensemble data = load_data(model, call.data, call.read);
   RefinedModel outcome = about(call.data, [&] {

@@ -92,7 +92,7 @@ void run_first(const Call& call) {
   for (const fs::path& file : call.data) file_kind(file);  // throws before the work if the file does not exist
   // The lock lasts until the end. Otherwise another process could update the state meanwhile, and this update would be
   // lost.
-  FileLock held = held_file(call.state, call.wait);
+  HeldFile held(call.state, call.wait);
   UpdateState state = load_update_state(call.state);
   const Execution& execution = call.options.execution;
   const Updated then = about(call.state, [&] { return identify(state, execution); });

@@ -3,6 +3,7 @@
 
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -402,6 +403,22 @@ def test_a_model_that_refines_itself_is_locked(tokid, rounds):
     _, said = busy.communicate()
     assert busy.returncode == 2 and "another program has changed the file" in said
     assert model.read_bytes() == content
+
+
+@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_leaves_no_lock(tokid, rounds, end):
+    folder, parts = rounds
+    state, model, data = folder / "state.h5", folder / "model.npz", folder / "first.npz"
+    before = state.read_bytes(), model.read_bytes()
+    for command in (["update", state, *(40 * parts)], ["refine", model, data, "-o", model, "--iterations", 100000],
+                    ["identify", data, "-o", folder / "new.npz", "--state", state, "--refine"]):
+        call = subprocess.Popen([tokid.executable, *map(str, command)], stderr=subprocess.DEVNULL)
+        while not any((folder / name).stat().st_size for name in hidden(folder) if name.endswith(".lock")):
+            assert call.poll() is None
+        time.sleep(0.01)  # the lock has its holder's name just before the handlers of signals are set
+        call.send_signal(end)
+        assert call.wait(timeout=60) == -end, command
+        assert hidden(folder) == [] and (state.read_bytes(), model.read_bytes()) == before
 
 
 @pytest.mark.parametrize("wait", ["-1", "nan", "soon"])
