@@ -130,6 +130,9 @@ Ensemble load_reference(const Model& model, const fs::path& path, ReadOptions op
   if (wanted.experiments() != 1)
     throw std::invalid_argument(
         fmt::format("{}: {} found, one needed", path.string(), plural(wanted.experiments(), "experiment")));
+  if (wanted.outputs() != model.outputs)
+    throw std::invalid_argument(
+        fmt::format("{}: outputs: {} found, the model has {}", path.string(), wanted.outputs(), model.outputs));
   return wanted;
 }
 

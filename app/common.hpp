@@ -14,6 +14,7 @@
 #include <string_view>
 #include <thread>
 #include <type_traits>
+#include <utility>
 #include <vector>
 
 #include "base/finding_json.hpp"
@@ -63,6 +64,19 @@ std::invoke_result_t<Work> about(const fs::path& file, Work&& work) {
     return work();
   } catch (const std::invalid_argument& error) {
     throw std::invalid_argument(fmt::format("{}: {}", file.string(), error.what()));
+  }
+}
+
+// As above, for arguments of several files: each file with the name of its argument, with which the message begins.
+template <class Work>
+std::invoke_result_t<Work> about(const std::vector<std::pair<std::string, fs::path>>& files, Work&& work) {
+  try {
+    return work();
+  } catch (const std::invalid_argument& error) {
+    for (const auto& [argument, file] : files)
+      if (std::string_view(error.what()).starts_with(argument + ':'))
+        throw std::invalid_argument(fmt::format("{}: {}", file.string(), error.what()));
+    throw;
   }
 }
 

@@ -95,10 +95,11 @@ void run(const Call& call) {
   const Ensemble last = runs.subset({row});
   const Ensemble wanted = reference_of(model, call, last);
   const Index steps = last.length.empty() ? last.steps() : last.length[0];  // a run may have stopped early
-  const LearnedRun learned = about(call.run, [&] {
-    return learn(model, wanted.outputs_of(0).topRows(steps), last.inputs_of(0).topRows(steps),
-                 last.outputs_of(0).topRows(steps), weights);
-  });
+  const LearnedRun learned =
+      about({{"model", call.model}, {"reference", call.reference}, {"u", call.run}, {"y", call.run}}, [&] {
+        return learn(model, wanted.outputs_of(0).topRows(steps), last.inputs_of(0).topRows(steps),
+                     last.outputs_of(0).topRows(steps), weights);
+      });
   save_ensemble(next_run(last, learned), call.output);
   Findings findings = differences(model, runs);
   append(findings, differences(model, wanted));

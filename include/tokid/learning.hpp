@@ -54,7 +54,7 @@ struct LearnedRun {
 // their rate. This is a tracking problem, solved as lqr() solves it in O(T). All runs begin from the same state.
 // reference (T × m): NaN where an output is free. u (T × r) and y (T × m): inputs and outputs of the last run, from
 // step 0 on; NaN for a missing output. Inputs at steps without a model stay as they are. \throws std::invalid_argument
-// for a wrong shape, a missing input, or weights as lqr() refuses them
+// for a wrong shape, a missing input, no output that has a reference, or weights as lqr() refuses them
 LearnedRun learn(const Model& model, const Matrix& reference, const Matrix& u, const Matrix& y,
                  const LearningWeights& weights);
 

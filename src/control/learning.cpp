@@ -142,6 +142,12 @@ LearnedRun learn(const Model& model, const Matrix& reference, const Matrix& u, c
         "reference: {} steps found, more than {} needed, the first step of the model", steps, model.k_begin));
 
   const Matrix error = reference - y;
+  if (error.middleRows(begin, count).array().isNaN().all()) {
+    const bool free = reference.middleRows(begin, count).array().isNaN().all();
+    throw std::invalid_argument(
+        free ? "reference: all samples of the steps of the model are missing (NaN), at least one needed"
+             : "y: no output of the last run found where the reference has one, at least one needed");
+  }
   Matrix y_target = error.middleRows(begin, count), all = u.topRows(end);  // all inputs as departures
   for (Index k = 0; k < end; ++k) subtract_nominal(model.u_nominal, nominal_row(model, model.u_nominal, k), all.row(k));
   const Matrix departures = all.bottomRows(count);

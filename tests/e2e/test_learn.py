@@ -118,3 +118,12 @@ def test_wrong_references(tokid, folder):
     refused = tokid(*call, folder / "short.npz", status=2).stderr
     assert f"{folder / 'short.npz'}: 20 steps found, 30 needed as in {folder / 'runs.npz'}" in refused
     assert "REFERENCE" in tokid(*call, status=2).stderr
+    for outputs in (0, 1, 3):
+        path = folder / f"{outputs}.npz"
+        np.savez(path, u=np.ones((1, 30, 2)), y=np.ones((1, 30, outputs)))
+        for command in (call, ["lqr", "-o", folder / "refused.npz", folder / "model.npz", "--reference"]):
+            assert f"{path}: outputs: {outputs} found, the model has 2" in tokid(*command, path, status=2).stderr
+    free = folder / "free.npz"
+    np.savez(free, u=np.ones((1, 30, 2)), y=np.full((1, 30, 2), np.nan))
+    assert f"{free}: reference: all samples" in tokid(*call, free, status=2).stderr
+    assert not (folder / "refused.npz").exists()
