@@ -432,6 +432,33 @@ TEST(Model, CheckNamesWhatDisagrees) {
   EXPECT_EQ(message(broken),
             "model: Q is known at step 3 or at step 0, but not at both. State it at every step or at none");
   broken = model;
+  broken.step[3] = Step(2, 1, 1, 1);
+  broken.step[3].take_diagnostics_of(model.step[3]);
+  EXPECT_EQ(message(broken), "");
+  broken.period = 5;  // longer than the model, which therefore ends
+  EXPECT_EQ(message(broken), "");
+  broken.period = 3;
+  EXPECT_EQ(message(broken),
+            "model: 1 states found after step 3, 2 needed: those of step 1, a period of 3 steps before");
+  EXPECT_THROW(simulate(broken, Ensemble(1, 9, 1, 0)), std::invalid_argument);
+  broken = model;
+  broken.x0_mean = Vector::Ones(3);
+  EXPECT_EQ(message(broken),
+            "model: x0_mean has 3 entries and x0_cov is 0 x 0, 2 and 2 x 2 needed: the states of step 0");
+  broken = model;
+  broken.x0_cov = Matrix::Identity(1, 2);
+  EXPECT_EQ(message(broken),
+            "model: x0_mean has 0 entries and x0_cov is 1 x 2, 2 and 2 x 2 needed: the states of step 0");
+  broken = model;
+  broken.u_nominal.resize(4, 0);  // rows without a number
+  EXPECT_NE(message(broken).find("model: u_nominal is 4 x 0"), std::string::npos);
+  broken = model;
+  for (Step& step : broken.step) step.set_lags(2'000'000);
+  EXPECT_EQ(message(broken), "model: lags[0] is 2000000, 0 to 1000000 needed");
+  broken = model;
+  broken.k_begin = std::numeric_limits<Index>::max();
+  EXPECT_NE(message(broken).find("model: first step 9223372036854775807 found"), std::string::npos);
+  broken = model;
   broken.step[2] = broken.step[2].outline();
   EXPECT_EQ(message(broken), "model: step 2 has no matrices");
   broken = model;

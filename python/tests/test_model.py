@@ -386,6 +386,8 @@ def test_from_matrices(tmp_path):
         (lambda: tokid.Model.from_matrices(A, B, C, input_names=["a", "b"]), "input_names: 2 texts found, a list of 1"),
         (lambda: tokid.Model.from_matrices(A, B, C, output_units=["m"]), "output_units: 1 text found, a list of 2"),
         (lambda: tokid.Model.from_matrices([a * np.nan for a in A], B, C), "finite"),
+        (lambda: tokid.Model.from_matrices(A, B, C, period=2), "model: 1 states found after step 2, 3 needed"),
+        (lambda: tokid.Model.from_matrices(A, B, C, x0_mean=[1, 2, 3, 4]), "x0_mean has 4 entries"),
         (lambda: tokid.Model.from_matrices(A, B, C, x0_cov=[1, 2]), r"x0_cov: shape \(2,\) found, \(n, n\) needed"),
     ]:
         with pytest.raises(ValueError, match=words):

@@ -354,6 +354,7 @@ def core_from(
         core.set_stack(name, np.ascontiguousarray(stack))
     values, sizes = singular_values
     core.set_singular_values(np.ascontiguousarray(values), sizes)
+    core.check()
     return core
 
 

@@ -48,14 +48,9 @@ bool is_name(const std::string& name) {
   return !name.empty() && name.size() <= 64 && letter(name.front()) && std::all_of(name.begin(), name.end(), part);
 }
 
-void check_model(const Model& model, const Rows& rows) {
+void check_model(const Model& model) {
   model.check();
   if (model.steps() == 0) throw std::invalid_argument("model: no step found, at least one needed");
-  if (rows.period == 0) return;
-  if (const Index first = step_at(model, model.k_end()).states(); first != model.n(model.k_end()))
-    throw std::invalid_argument(
-        fmt::format("model: {} states found at the end of its period, {} needed: those at the begin of the period",
-                    model.n(model.k_end()), first));
 }
 
 // The code has one nominal trajectory.
@@ -379,7 +374,7 @@ DeployedCode deploy(const Model& model, const DeployOptions& options, const Cont
   using namespace tokid::c_code;
   const std::string name = checked_name(options);
   const Rows rows = rows_of(model);
-  check_model(model, rows);
+  check_model(model);
   if (controller) {
     controller->check(model);
     check_nominal(*controller, model);

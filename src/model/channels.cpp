@@ -11,6 +11,7 @@
 namespace tokid {
 
 void check_channels(const Model& model, const Ensemble& data, bool with_outputs) {
+  model.check();
   with_remark_on_axes(data, [&] {
     if (data.inputs() != model.inputs)
       throw std::invalid_argument(fmt::format("inputs: {} found, the model has {}", data.inputs(), model.inputs));

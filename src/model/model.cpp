@@ -14,6 +14,9 @@ namespace tokid {
 
 namespace {
 
+// With more steps or lags, sums of them would not be numbers of steps, or windows would not fit into memory.
+constexpr Index most_steps = Index{1} << 52, most_lags = 1'000'000;
+
 // Checks the number of names. An empty list is allowed.
 void check_names(const char* name, const std::vector<std::string>& names, Index needed) {
   if (!names.empty() && Index(names.size()) != needed)
@@ -42,6 +45,8 @@ void check_step(const Model& model, Index s) {
     if ((step.*has)() != model.has(has))
       throw std::invalid_argument(fmt::format(
           "model: {} is known at step {} or at step 0, but not at both. State it at every step or at none", name, s));
+  if (step.has_lags() && (step.lags() < 0 || step.lags() > most_lags))
+    throw std::invalid_argument(fmt::format("model: lags[{}] is {}, 0 to {} needed", s, step.lags(), most_lags));
   const auto finite = [&](const char* name, const Step::View& a) {
     if (!a.allFinite())
       throw std::invalid_argument(fmt::format("model: {}[{}] has a value that is not finite", name, s));
@@ -94,7 +99,8 @@ Index Model::max_lags() const {
 void Model::check() const {
   if (inputs < 0) throw std::invalid_argument(fmt::format("model: {} inputs found, 0 or more needed", inputs));
   if (outputs < 1) throw std::invalid_argument(fmt::format("model: {} outputs found, 1 or more needed", outputs));
-  if (k_begin < 0) throw std::invalid_argument(fmt::format("model: first step {} found, 0 or more needed", k_begin));
+  if (k_begin < 0 || k_begin > most_steps)
+    throw std::invalid_argument(fmt::format("model: first step {} found, 0 to {} needed", k_begin, most_steps));
   if (period < 0) throw std::invalid_argument(fmt::format("model: period {} found, 0 or more needed", period));
   if (!(dt > 0) || !std::isfinite(dt))
     throw std::invalid_argument(fmt::format("model: dt = {} found, a positive time in seconds needed", dt));
@@ -103,7 +109,16 @@ void Model::check() const {
   check_names("input_units", names.input_units, inputs);
   check_names("output_units", names.output_units, outputs);
   for (Index s = 0; s < steps(); ++s) check_step(*this, s);
-  if ((u_nominal.size() > 0 || y_nominal.size() > 0) &&
+  if (ends_early(*this, k_end() + 1) && n(k_end()) != n(k_end() - period))
+    throw std::invalid_argument(
+        fmt::format("model: {} states found after step {}, {} needed: those of step {}, a period of {} steps before",
+                    n(k_end()), k_end() - 1, n(k_end() - period), k_end() - period, period));
+  if (const Index n0 = n(k_begin); (x0_mean.size() > 0 && x0_mean.size() != n0) ||
+                                   (x0_cov.size() > 0 && (x0_cov.rows() != n0 || x0_cov.cols() != n0)))
+    throw std::invalid_argument(
+        fmt::format("model: x0_mean has {} entries and x0_cov is {} x {}, {} and {} x {} needed: the states of step {}",
+                    x0_mean.size(), x0_cov.rows(), x0_cov.cols(), n0, n0, n0, k_begin));
+  if ((u_nominal.rows() > 0 || y_nominal.rows() > 0) &&
       (u_nominal.cols() != inputs || y_nominal.cols() != outputs || u_nominal.rows() != y_nominal.rows()))
     throw std::invalid_argument(fmt::format(
         "model: u_nominal is {} x {} and y_nominal {} x {}, equal numbers of rows (steps) with {} columns (inputs) and {} columns (outputs) needed",
@@ -185,7 +200,7 @@ Matrix observability(const Model& model, Index k, Index rows) {
 }
 
 Model continued(Model model, Index end) {
-  if (model.period <= 0 || model.steps() < model.period) return model;
+  if (!ends_early(model, model.k_end() + 1)) return model;
   const size_t period = size_t(model.period);
   model.step.reserve(model.step.size() + size_t(std::max<Index>(0, end - model.k_end())));
   for (Index k = model.k_end(); k < end; ++k) model.step.push_back(Step(model.step[model.step.size() - period]));

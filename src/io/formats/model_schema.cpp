@@ -100,10 +100,8 @@ constexpr CountField count_fields[] = {{"rank", &Step::has_rank, &Step::rank, &S
 struct NominalField {
   const char* name;
   Matrix Model::*trajectory;
-  Index Model::*channels;
 };
-constexpr NominalField nominal_fields[] = {{"u_nominal", &Model::u_nominal, &Model::inputs},
-                                           {"y_nominal", &Model::y_nominal, &Model::outputs}};
+constexpr NominalField nominal_fields[] = {{"u_nominal", &Model::u_nominal}, {"y_nominal", &Model::y_nominal}};
 
 void add_diagnostics(const Model& model, Arrays& arrays) {
   if (model.has(&Step::has_condition)) {
@@ -142,20 +140,12 @@ void read_initial_estimate(const Fields& fields, Model& model) {
     const auto& values = fields.list("x0_mean", size(n));
     model.x0_mean = Eigen::Map<const Vector>(values.data(), n);
   }
-  if (fields.has("x0_cov")) {
-    model.x0_cov = fields.matrix("x0_cov");
-    if (model.x0_cov.rows() != n || model.x0_cov.cols() != n)
-      fail_shape("x0_cov", fields.shape("x0_cov"), fmt::format("({}, {})", n, n));
-  }
+  if (fields.has("x0_cov")) model.x0_cov = fields.matrix("x0_cov");
 }
 
 void read_nominal(const Fields& fields, Model& model) {
-  for (const auto& [name, trajectory, channels] : nominal_fields) {
-    if (!fields.has(name)) continue;
-    model.*trajectory = fields.matrix(name);
-    if ((model.*trajectory).cols() != model.*channels)
-      fail_shape(name, fields.shape(name), fmt::format("(steps, {})", model.*channels));
-  }
+  for (const auto& [name, trajectory] : nominal_fields)
+    if (fields.has(name)) model.*trajectory = fields.matrix(name);
 }
 
 }  // namespace
@@ -206,7 +196,7 @@ Arrays small_arrays_of(const Model& model) {
 
 Arrays nominal_arrays_of(const Model& model) {
   Arrays arrays;
-  for (const auto& [name, trajectory, channels] : nominal_fields)
+  for (const auto& [name, trajectory] : nominal_fields)
     if ((model.*trajectory).rows() > 0) arrays.emplace_back(name, matrix_array(model.*trajectory));
   return arrays;
 }
