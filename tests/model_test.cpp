@@ -523,6 +523,11 @@ TEST(Model, CutContinuesPeriodicModels) {
   EXPECT_EQ(cut(model, 3, 4).period, 0);
   EXPECT_EQ(from_step(model, 3).period, 0);
   EXPECT_THROW(cut(model, 5, 5), std::invalid_argument);
+  // The first steps of a model may differ from the period that it repeats.
+  model.period = 1;
+  EXPECT_EQ(cut(model, 0, 2).period, 0);
+  EXPECT_EQ(cut(model, 1, 4).period, 1);
+  EXPECT_EQ(cut(model, 0, 7).period, 1);
 }
 
 // Parts in different coordinates, cut from one system, make the system again.

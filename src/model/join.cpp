@@ -14,8 +14,25 @@ namespace tokid {
 
 namespace {
 
+// Would the steps begin … end-1 of a periodic model go on as the model does? Its first steps may differ from later
+// ones.
+bool goes_on_alike(const Model& model, Index begin, Index end) {
+  if (!goes_on(model) || end - begin < model.period) return false;
+  const auto alike = [](const Step::View& a, const Step::View& b) {  // a change of coordinates leaves rounding errors
+    return a.rows() == b.rows() && a.cols() == b.cols() && a.isApprox(b, 1e-8);
+  };
+  for (Index k = end; k < end + model.period; ++k) {
+    const Step &own = model.at(k - model.period), &next = step_at(model, k);
+    if (!alike(own.A(), next.A()) || !alike(own.B(), next.B()) || !alike(own.C(), next.C()) ||
+        !alike(own.D(), next.D()))
+      return false;
+  }
+  return true;
+}
+
 // The steps begin … end-1, which the model has.
 Model part(Model model, Index begin, Index end) {
+  if (!goes_on_alike(model, begin, end)) model.period = 0;
   model.step.erase(model.step.begin() + (end - model.k_begin), model.step.end());
   model.step.erase(model.step.begin(), model.step.begin() + (begin - model.k_begin));
   if (begin > model.k_begin) {  // x0_mean and x0_cov belong to the old first step
@@ -23,7 +40,6 @@ Model part(Model model, Index begin, Index end) {
     model.x0_cov.resize(0, 0);
   }
   model.k_begin = begin;
-  if (!goes_on(model)) model.period = 0;
   return model;
 }
 
