@@ -9,6 +9,7 @@
 
 #include "command.hpp"
 #include "common.hpp"
+#include "model/continuation.hpp"
 
 namespace tokid::app {
 
@@ -56,6 +57,8 @@ std::string with_width(double value, const Interval* interval, Index k, Index i,
   const double width = std::max(interval->upper(k, i) - value, value - interval->lower(k, i));
   return fmt::format("{} ± {}", number(value * factor), number(width * factor));
 }
+
+bool repeats(const Model& model) { return model.period > 1 && goes_on(model); }
 
 void floquet_rows(Page& page, const Model& model, const Table& t) {
   const Floquet found = floquet(model);
@@ -114,7 +117,7 @@ std::string report(const Call& call, const Model& model, const Table& t) {
   if (t.bounds) page.row("", "± of damping includes the variation: the error of freezing is about as large");
   if (unknown > 0)
     page.row("", fmt::format("at {}, a window of outputs does not determine the state", plural(unknown, "step")));
-  if (model.period > 1) floquet_rows(page, model, t);
+  if (repeats(model)) floquet_rows(page, model, t);
   if (!call.output.empty()) page.row("Written", call.output.string());
   return page.text();
 }
@@ -164,7 +167,7 @@ Json json(const Call& call, const Model& model, const Table& t) {
     for (Index i = 0; i < t.modes.count(); ++i) row.push_back(bool(t.modes.valid(k, i)));
     j["valid"].push_back(row);
   }
-  if (model.period > 1) {
+  if (repeats(model)) {
     const Floquet found = floquet(model);
     j["multipliers_real"] = numbers(found.multipliers.real());
     j["multipliers_imag"] = numbers(found.multipliers.imag());
@@ -179,7 +182,7 @@ Json json(const Call& call, const Model& model, const Table& t) {
     j["frequency_upper"] = per_step(t.bounds->frequency.upper);
     j["damping_lower"] = per_step(t.bounds->damping.lower);
     j["damping_upper"] = per_step(t.bounds->damping.upper);
-    if (model.period > 1) {
+    if (repeats(model)) {
       j["exponents_real_lower"] = numbers(t.bounds->exponents_real.lower.col(0));
       j["exponents_real_upper"] = numbers(t.bounds->exponents_real.upper.col(0));
       j["exponents_imag_lower"] = numbers(t.bounds->exponents_imag.lower.col(0));

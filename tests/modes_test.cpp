@@ -451,6 +451,42 @@ TEST(Modes, OfAPeriodicModelRepeat) {
               1e3 * epsilon * std::pow(condition(model, found.window), 2));
 }
 
+// What a model does before its period has no modes that last.
+TEST(Modes, OfAModelThatGoesOnAreThoseOfItsPeriod) {
+  Model lasting = periodic_system({3, 2, 1}, 6, 3, 1.0, 76);
+  lasting.period = 3;
+  const Modes alone = modes(lasting);
+  for (const Index first : {1, 3, 6}) {  // states of the first step
+    Model model = lasting;
+    Step begin(first, 3, 1, 2);
+    begin.A().setOnes();
+    begin.C().setOnes();
+    model.step.insert(model.step.begin(), begin);
+    const Modes found = modes(model);
+    ASSERT_EQ(found.steps(), 3);
+    ASSERT_EQ(found.count(), 3);
+    EXPECT_EQ(found.begin, first == 3 ? 0 : 1);
+    if (first != 3) {
+      EXPECT_EQ(found.poles, alone.poles);
+    }
+    EXPECT_EQ(floquet_multipliers(model), floquet_multipliers(lasting));
+  }
+  // A period that the model does not reach is none.
+  Model ends = random_system({3, 2, 1}, 12, 1.0, 77);
+  const Modes without = modes(ends);
+  ends.period = 13;
+  EXPECT_EQ(modes(ends).poles, without.poles);
+  EXPECT_EQ(modes(ends).begin, without.begin);
+  // Within a period of two steps the state has two numbers, then one.
+  Model changing = random_system({2, 2, 1}, 2, 1.0, 78);
+  changing.step[0] = Step(2, 1, 1, 2);
+  changing.step[1] = Step(1, 2, 1, 2);
+  changing.period = 2;
+  EXPECT_EQ(
+      message([&] { modes(changing); }),
+      "model: a number of states found that changes within its period of 2 steps, a constant one needed for modes");
+}
+
 TEST(Modes, HaveTheSameBitsForAnyNumberOfThreads) {
   const Model model = random_system({4, 2, 2}, 200, 1.0, 80);
   ModesOptions options;

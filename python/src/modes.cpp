@@ -7,6 +7,7 @@
 
 #include "arrays.hpp"
 #include "call.hpp"
+#include "model/continuation.hpp"
 #include "results.hpp"
 
 namespace tokid::python {
@@ -63,7 +64,7 @@ nb::any object_of(const Modes& m, const Model& model, const std::optional<ModeBo
                              {"lower", flat(all.lower)},
                              {"upper", flat(all.upper)}});
   };
-  const bool repeats = model.period > 0;
+  const bool repeats = goes_on(model);
   const Floquet of_period = repeats ? floquet(model) : Floquet();
   return make("Modes",
               {{"begin", m.begin},

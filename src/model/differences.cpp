@@ -6,11 +6,12 @@
 #include <stdexcept>
 
 #include "data/subjects.hpp"
+#include "model/continuation.hpp"
 
 namespace tokid {
 
 Findings findings_of_end(const Model& model, const Ensemble& data) {
-  if (model.period > 0 || data.steps() <= model.k_end()) return {};
+  if (goes_on(model) || data.steps() <= model.k_end()) return {};
   return {{.kind = Finding::Kind::model_ends_early,
            .numbers = {{"last", double(model.k_end() - 1)}, {"steps", double(data.steps() - model.k_end())}}}};
 }

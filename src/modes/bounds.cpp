@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "base/nan.hpp"
+#include "model/continuation.hpp"
 #include "modes/frozen.hpp"
 #include "modes/spectra.hpp"
 #include "modes/tracks.hpp"
@@ -132,11 +133,12 @@ ModeBounds mode_bounds(const Model& model, const Ensemble& data, const ModesOpti
   ModeBounds result;
   result.modes = modes(model, options);
   result.level = confidence.level;
-  const Index window = result.modes.window, other = modes_of::other_window(model, window);
-  const Eigen::VectorXcd exponents = model.period > 0 ? floquet_exponents(model) : Eigen::VectorXcd();
+  const bool repeats = goes_on(model);
+  const Index window = result.modes.window, other = modes_of::other_window(modes_of::lasting(model), window);
+  const Eigen::VectorXcd exponents = repeats ? floquet_exponents(model) : Eigen::VectorXcd();
   const double turn = 2 * std::numbers::pi / (double(model.period) * model.dt);
   const Functional function = [&](const Model& replicate) {
-    const Vector extra = model.period > 0 ? exponents_near(exponents, floquet_exponents(replicate), turn) : Vector();
+    const Vector extra = repeats ? exponents_near(exponents, floquet_exponents(replicate), turn) : Vector();
     const Eigen::MatrixXcd poles =
         modes_of::poles_in_order(result.modes.poles, result.modes.begin, modes_of::spectra(replicate, window, {}));
     if (other == 0)
@@ -152,7 +154,7 @@ ModeBounds mode_bounds(const Model& model, const Ensemble& data, const ModesOpti
   const double t = uncertainty::StudentT(confidence.level)(found.freedom);
   result.frequency = interval(found, result.modes, 0, t);
   result.damping = interval(found, result.modes, 1, t);
-  if (model.period > 0) {
+  if (repeats) {
     const Index begin = frozen_parts * result.modes.count(), count = exponents.size();
     result.exponents_real = common_interval(found.interval, begin, count);
     result.exponents_imag = common_interval(found.interval, begin + count, count);

@@ -8,6 +8,7 @@
 #include <stdexcept>
 
 #include "base/integers.hpp"
+#include "model/continuation.hpp"
 #include "tokid/linalg.hpp"
 #include "tokid/parallel.hpp"
 
@@ -72,7 +73,20 @@ Index last_centre(const Model& model, Index half) {
   return std::min(model.k_end() - 1 - half, model.full_end() - 2 + half);
 }
 
+// Have all steps of a model that goes on the same number of states?
+bool always_full(const Model& model) { return model.full_begin() == model.k_begin && model.full_end() > model.k_end(); }
+
 }  // namespace
+
+Model lasting(Model model) {
+  if (!goes_on(model)) {
+    model.period = 0;
+    return model;
+  }
+  Index begin = model.k_end() - model.period;
+  while (begin > model.k_begin && model.n(begin - 1) == model.n(model.k_end())) --begin;
+  return from_step(std::move(model), begin);
+}
 
 Index other_window(const Model& model, Index window) {
   const Index half = std::max(least_window(model), even(window / 2));
@@ -81,31 +95,36 @@ Index other_window(const Model& model, Index window) {
   return fits ? 2 * window : 0;
 }
 
-bool has_window(const Model& model, Index window) {
+bool has_window(const Model& given, Index window) {
+  const Model model = lasting(given);
   if (model.states() == 0) return false;
+  if (model.period > 0) return always_full(model);
   const Index half = chosen_window(model, window) / 2;
-  return model.period > 0 || last_centre(model, half) >= model.full_begin() + half;
+  return last_centre(model, half) >= model.full_begin() + half;
 }
 
-Frozen::Frozen(const Model& model, Index window) : half_(chosen_window(model, window) / 2) {
-  const Index reach = 2 * half_;
-  if (model.period > 0) {
-    shift_ = ceil_div(reach, model.period) * model.period;
-    begin_ = model.full_begin();
-    count_ = model.period;
-    model_ = continued(model, begin_ + shift_ + count_ + reach);
-  } else {
-    model_ = model;
+Frozen::Frozen(const Model& model, Index window) : model_(lasting(model)), half_(chosen_window(model_, window) / 2) {
+  const Index reach = 2 * half_, period = model_.period;
+  if (period > 0) {
+    if (!always_full(model_))
+      throw std::invalid_argument(fmt::format(
+          "model: a number of states found that changes within its period of {} steps, a constant one needed for modes",
+          period));
+    shift_ = ceil_div(reach, period) * period;
+    begin_ = model_.k_begin;
+    count_ = period;
+    model_ = continued(std::move(model_), begin_ + shift_ + count_ + reach);
   }
   first_ = model_.full_begin() + half_;
   last_ = last_centre(model_, half_);
   if (last_ < first_)
     throw std::invalid_argument(
         fmt::format("window: {} steps found, the model has {} with all states, {} needed. State a shorter window",
-                    window == 0 ? 2 * half_ : window, model_.k_end() - model_.full_begin(), 2 * half_ + 1));
-  if (model.period == 0) begin_ = first_, count_ = last_ - first_ + 1;
-  scale_ = model.period > 0 ? output_sizes(model_, begin_, begin_ + count_, reach)
-                            : output_sizes(model_, model.k_begin, model.k_end(), reach);
+                    window == 0 ? 2 * half_ : window, std::min(model_.k_end(), model_.full_end()) - model_.full_begin(),
+                    2 * half_ + 1));
+  if (period == 0) begin_ = first_, count_ = last_ - first_ + 1;
+  scale_ = period > 0 ? output_sizes(model_, begin_, begin_ + count_, reach)
+                      : output_sizes(model_, model_.k_begin, model_.k_end(), reach);
 }
 
 Index Frozen::reach_of(Index k) const { return std::min({half_, k - first_, last_ - k}); }

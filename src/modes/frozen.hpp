@@ -8,8 +8,12 @@
 
 namespace tokid::modes_of {
 
+// The steps whose modes are computed: of a model that goes on, the last period and the steps before it with as many
+// states. The period of another model is 0.
+Model lasting(Model model);
+
 // A window to compare with: about half of it, or twice if it is the shortest that can determine the state. An even
-// number of steps; 0 if the model is too short for twice the window.
+// number of steps; 0 if the model, which is lasting(), is too short for twice the window.
 Index other_window(const Model& model, Index window);
 
 // Has the model states, and enough steps for a window? 0: the window that Frozen chooses.
@@ -19,12 +23,14 @@ bool has_window(const Model& model, Index window);
 // The windows of outputs of one model. A periodic model is extended, so that all its steps have windows.
 class Frozen {
  public:
-  // \throws std::invalid_argument for an odd or too short window, or a model with too few steps
+  // \throws std::invalid_argument for an odd or too short window, a model with too few steps, or a period within which
+  // the state dimension changes
   Frozen(const Model& model, Index window);
 
   Index window() const { return 2 * half_; }
   Index begin() const { return begin_; }  // first step with modes
   Index count() const { return count_; }  // number of steps with modes
+  Index states() const { return model_.states(); }
   // The systems of `count` steps, from step `first` on; without states where a window does not determine the state.
   // B, D and the observer gains are zero.
   std::vector<Step> systems(Index first, Index count) const;

@@ -109,8 +109,9 @@ Matrix each_pole(const Modes& modes, double (*value)(std::complex<double>)) {
 
 }  // namespace
 
-Modes modes(const Model& model, const ModesOptions& options) {
+Modes modes(const Model& given, const ModesOptions& options) {
   check(options);
+  const Model model = modes_of::lasting(given);
   Spectra found = modes_of::spectra(model, options.window, options.execution);
   std::vector<StepModes>& spectra = found.step;
   const size_t steps = spectra.size();

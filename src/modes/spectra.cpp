@@ -57,7 +57,7 @@ Spectra spectra(const Model& model, Index window, const Execution& execution) {
   parallel_for(0, frozen.count(), execution, [&](Index begin, Index end) {
     const std::vector<Step> systems = frozen.systems(frozen.begin() + begin, end - begin);
     for (Index i = begin; i < end; ++i)
-      result.step[size_t(i)] = spectrum_of(systems[size_t(i - begin)], model.states(), model.dt);
+      result.step[size_t(i)] = spectrum_of(systems[size_t(i - begin)], frozen.states(), model.dt);
   });
   return result;
 }

@@ -65,7 +65,7 @@ Responses responses(const Model& model, const std::vector<Index>& starts, Index 
 }
 
 Index response_length(const Model& model) {
-  return model.period > 0 ? longest : std::clamp<Index>((model.steps() + 1) / 2, 1, longest);
+  return goes_on(model) ? longest : std::clamp<Index>((model.steps() + 1) / 2, 1, longest);
 }
 
 namespace {
@@ -95,7 +95,7 @@ std::vector<Index> response_starts(const Model& model, const std::vector<Index>&
   if (!at.empty()) return chosen_steps(model, at);
   const Index length = response_length(model), channels = std::max<Index>(1, model.inputs * model.outputs);
   const Index most = std::clamp<Index>(most_numbers / (2 * length * channels), 1, most_starts);
-  const Index count = model.period > 0 ? std::min(model.period, model.steps()) : model.steps() - length + 1;
+  const Index count = goes_on(model) ? model.period : model.steps() - length + 1;
   std::vector<Index> all;
   for (Index k = model.k_begin; k < model.k_begin + count; ++k) all.push_back(k);
   return spread(all, most);
@@ -103,7 +103,7 @@ std::vector<Index> response_starts(const Model& model, const std::vector<Index>&
 
 std::optional<Modes> modes_of_page(const Model& model) {
   const ModesOptions options;
-  if (model.states() == 0 || !modes_of::has_window(model, options.window)) return std::nullopt;
+  if (!modes_of::has_window(model, options.window)) return std::nullopt;
   return modes(model, options);
 }
 
