@@ -283,6 +283,10 @@ TEST(ExpectedCost, IsPredictedIfTheModelHasNoise) {
   EXPECT_EQ(predicted->total(), expected_cost(controller, model, model).total());
   EXPECT_GT(predicted->total(), 0.0);
   EXPECT_THROW(predicted_cost(controller, random_system({3, 2, 2}, 6, 1.0, 5)), std::invalid_argument);
+  Controller few = controller;  // neither one weight nor one for each step
+  few.weights.input.assign(2, few.weights.input.front());
+  EXPECT_THROW(expected_cost(few, model, model), std::invalid_argument);
+  EXPECT_THROW(simulate_control(few, model, model), std::invalid_argument);
 }
 
 TEST(ExpectedCost, IsTheFormulaOfTextbooks) {

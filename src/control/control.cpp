@@ -78,6 +78,19 @@ void Controller::check() const {
   for (const Matrix& gain : K) fits = fits && gain.rows() == r;
   for (const Matrix& gain : L) fits = fits && gain.rows() == r && gain.cols() == r;
   if (!fits) throw std::invalid_argument("controller: parts of different sizes found, those that lqr() gives needed");
+  const auto check_weights = [S](const char* name, const std::vector<Matrix>& found, Index channels) {
+    if (found.size() > 1 && Index(found.size()) != S)
+      throw std::invalid_argument(
+          fmt::format("controller: {} matrices found as {}, none, one or {} needed", found.size(), name, S));
+    for (const Matrix& matrix : found)
+      if (matrix.rows() != channels || matrix.cols() != channels)
+        throw std::invalid_argument(fmt::format("controller: {} x {} found as {}, {} x {} needed", matrix.rows(),
+                                                matrix.cols(), name, channels, channels));
+  };
+  check_weights("output weights", weights.output, outputs);
+  check_weights("input weights", weights.input, r);
+  check_weights("input-rate weights", weights.input_rate, r);
+  if (weights.terminal.size() > 0) check_weights("terminal weight", {weights.terminal}, outputs);
 }
 
 void Controller::check(const Model& model) const {

@@ -45,26 +45,18 @@ void check_to_write(const Controller& c) {
       throw std::invalid_argument(
           fmt::format("controller: a number that is not finite found in its {}, finite ones needed", name));
   };
-  const auto check_weights = [&](const char* name, const std::vector<Matrix>& weights, Index channels) {
-    if (weights.size() > 1 && Index(weights.size()) != c.steps())
-      throw std::invalid_argument(
-          fmt::format("controller: {} matrices found as {}, none, one or {} needed", weights.size(), name, c.steps()));
-    for (const Matrix& matrix : weights) {
-      if (matrix.rows() != channels || matrix.cols() != channels)
-        throw std::invalid_argument(fmt::format("controller: {} x {} found as {}, {} x {} needed", matrix.rows(),
-                                                matrix.cols(), name, channels, channels));
-      check_matrix(name, matrix);
-    }
+  const auto check_matrices = [&](const char* name, const std::vector<Matrix>& matrices) {
+    for (const Matrix& matrix : matrices) check_matrix(name, matrix);
   };
-  for (const Matrix& gain : c.K) check_matrix("gains", gain);
-  for (const Matrix& gain : c.L) check_matrix("gains", gain);
+  check_matrices("gains", c.K);
+  check_matrices("gains", c.L);
   check_matrix("feedforward", c.feedforward);
   for (const Matrix* nominal : {&c.u_nominal, &c.y_nominal}) check_matrix("nominal trajectory", *nominal);
   for (const Matrix* reference : {&c.u_reference, &c.y_reference}) check_matrix("reference", *reference);
-  check_weights("output weights", c.weights.output, c.outputs);
-  check_weights("input weights", c.weights.input, c.u_nominal.cols());
-  check_weights("input-rate weights", c.weights.input_rate, c.u_nominal.cols());
-  if (c.weights.terminal.size() > 0) check_weights("terminal weight", {c.weights.terminal}, c.outputs);
+  check_matrices("output weights", c.weights.output);
+  check_matrices("input weights", c.weights.input);
+  check_matrices("input-rate weights", c.weights.input_rate);
+  check_matrix("terminal weight", c.weights.terminal);
   if (!c.predicted) return;
   const ExpectedCost& cost = *c.predicted;
   for (const double part : {cost.outputs, cost.inputs, cost.input_rates, cost.measurement_noise})
