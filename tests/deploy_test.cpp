@@ -87,6 +87,9 @@ TEST(Deploy, RefusesWithTheReason) {
   Model empty;
   empty.outputs = 1;
   EXPECT_EQ(refused(empty), "model: no step found, at least one needed");
+  Model late = model;
+  late.k_begin = 1'000'000'000'000;
+  EXPECT_NE(refused(late).find("model: last step 1000000000005 found"), std::string::npos);
   Model unknown = from_step(model, 2);
   EXPECT_NE(refused(unknown).find("model: an unknown initial state at step 2 found"), std::string::npos);
   EXPECT_EQ(refused(unknown, {.start_from_zero = true}), "no exception");

@@ -48,9 +48,13 @@ bool is_name(const std::string& name) {
   return !name.empty() && name.size() <= 64 && letter(name.front()) && std::all_of(name.begin(), name.end(), part);
 }
 
-void check_model(const Model& model) {
+void check_model(const Model& model, const Rows& rows) {
+  constexpr Index most = 10'000'000;  // the nominal trajectory has a row for each step from step 0 on
   model.check();
   if (model.steps() == 0) throw std::invalid_argument("model: no step found, at least one needed");
+  if (rows.end > most)
+    throw std::invalid_argument(
+        fmt::format("model: last step {} found, at most {} needed for tables of all steps", rows.end - 1, most - 1));
 }
 
 // The code has one nominal trajectory.
@@ -374,7 +378,7 @@ DeployedCode deploy(const Model& model, const DeployOptions& options, const Cont
   using namespace tokid::c_code;
   const std::string name = checked_name(options);
   const Rows rows = rows_of(model);
-  check_model(model);
+  check_model(model, rows);
   if (controller) {
     controller->check(model);
     check_nominal(*controller, model);
