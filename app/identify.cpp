@@ -165,10 +165,10 @@ std::string command_with(const Call& call, const std::string& more) {
   return text + ' ' + more;
 }
 
-NextStep after(const Call& call, const Data& data, const Identification& result, const Judgement& judgement) {
+NextStep after(const Call& call, const Identification& result, const Judgement& judgement) {
   if (!judgement.verdict) return test_on_other_data(call.model, call.paths, call.read);
   constexpr Index enough = 8;  // fewer experiments make a model that says little about the one of all
-  const Index remain = data.experiments - (data.experiments + 4) / 5;
+  const Index used = result.experiments + result.held_out_experiments, remain = used - (used + 4) / 5;
   const bool can_hold_out = remain >= enough && (result.plan.coupled || remain >= result.min_experiments);
   return next_step(*judgement.verdict, result.findings,
                    {call.model, call.paths, call.read, !result.held_out, can_hold_out,
@@ -303,7 +303,7 @@ void add_outliers(const Call& call, const Identification& result, Page& page) {
 
 void add_fit(const Data& data, const Identification& result, Page& page) {
   const Model& model = result.model;
-  const Index held_out = data.experiments - result.experiments - dropped_experiments(result);
+  const Index held_out = result.held_out_experiments;
   const std::string where = !result.held_out ? "on the training data"
                             : held_out > 0   ? fmt::format("on {} held out", plural(held_out, "experiment"))
                                              : fmt::format("on the last {}", plural(data.steps - result.steps, "step"));
@@ -372,7 +372,7 @@ std::string report(const Call& call, const Data& data, const Identification& res
     add_verdict(*judgement.verdict, call.verbose, page);
   else
     page.row("Verdict", judgement.why_none);
-  const NextStep next = after(call, data, result, judgement);
+  const NextStep next = after(call, result, judgement);
   page.command("Next", next.purpose, next.command);
   return page.text();
 }
@@ -404,7 +404,7 @@ Json json(const Call& call, const Data& data, const Identification& result, cons
   j["block"] = data.blocks > 0 ? Json(data.block) : Json();
   j["resumed_blocks"] = call.resume ? Json(data.resumed) : Json();
   j["experiments"] = result.experiments;
-  j["held_out_experiments"] = data.experiments - result.experiments - dropped_experiments(result);
+  j["held_out_experiments"] = result.held_out_experiments;
   j["steps"] = result.steps;
   j["inputs"] = data.inputs;
   j["outputs"] = data.outputs;

@@ -38,7 +38,8 @@ struct Identification {
   // Median of the ratio σ_n / σ_{n+1} of singular values over the steps of full dimension. A large ratio confirms n.
   // NaN if not known.
   double singular_value_gap = std::numeric_limits<double>::quiet_NaN();
-  bool held_out = false;  // true: `validation` uses held-out data; false: the training data
+  bool held_out = false;           // true: `validation` uses held-out data; false: the training data
+  Index held_out_experiments = 0;  // their number; 0 also if the end of a single record is held out
   Validation validation;
   // Outliers, with their rows in the whole data. Empty for data without noise or with fewer than five experiments.
   std::vector<Outlier> outliers;
@@ -47,7 +48,7 @@ struct Identification {
   Copies copies;
   Dependence dependent;
   Findings findings;
-  double seconds = 0.0;
+  double seconds = 0.0;  // of the whole call
 };
 
 // Gets the first model of an identification: the subspace model, before EM refines it. Only noisy data have it.

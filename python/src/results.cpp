@@ -377,6 +377,7 @@ nb::any object_of(const Identification& i) {
                                  {"nominal", i.plan.nominal},
                                  {"singular_value_gap", i.singular_value_gap},
                                  {"held_out", i.held_out},
+                                 {"held_out_experiments", i.held_out_experiments},
                                  {"validation", object_of(i.validation, i.model.names)},
                                  {"outliers", outliers},
                                  {"copies", i.copies.groups},

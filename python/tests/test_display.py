@@ -135,7 +135,9 @@ def test_a_single_record_holds_out_steps(noisy):
     model = tokid.identify(np.concatenate(noisy.u), np.concatenate(noisy.y), **options)
     assert re.search(r"^  Fit +on data held out$", repr(model.identification), re.M)
     model = tokid.identify(noisy.u, noisy.y, **options)
-    assert re.search(r"^  Fit +on experiments held out$", repr(model.identification), re.M)
+    found = model.identification
+    assert (found.experiments, found.held_out_experiments) == (len(noisy.u) - round(len(noisy.u) / 4), round(len(noisy.u) / 4))
+    assert re.search(rf"^  Fit +on {found.held_out_experiments} experiments held out$", repr(found), re.M)
 
 
 def test_other_results_have_a_field_in_each_line(held_out):

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The option `outliers` of an identification."""
 
+import time
+
 import numpy as np
 import pytest
 
@@ -39,3 +41,17 @@ def test_downweight(bad):
 def test_wrong_value(noisy):
     with pytest.raises(ValueError, match="outliers: 'hide' found, one of 'keep', 'drop', 'downweight' needed"):
         tokid.identify(noisy, outliers="hide")
+
+
+def test_seconds_are_those_of_all_rounds(bad):
+    """Each report of the progress waits, so that the time of a round is known."""
+    waited = []
+
+    def wait(progress):
+        begin = time.perf_counter()
+        time.sleep(0.002)
+        waited.append(time.perf_counter() - begin)
+
+    with pytest.warns(tokid.TokidWarning):
+        found = tokid.identify(bad, outliers="drop", refine=False, lags=3, states=4, progress=wait).identification
+    assert len(waited) > 1 and found.seconds >= sum(waited)

@@ -903,6 +903,8 @@ class Identification(_Found):
         Median of σ_n / σ_{n+1} over the steps of full dimension. A large gap shows the order clearly. NaN if not known.
     held_out : bool
         True: `validation` uses held-out experiments. False: the training data.
+    held_out_experiments : int
+        Number of held-out experiments. 0 also if the end of a single record is held out.
     validation : Validation
     outliers : list of Outlier
         Outliers. The search needs noise and at least five experiments.
@@ -912,7 +914,7 @@ class Identification(_Found):
         Experiments that are weighted sums of others, within rounding. They were not used.
     findings : list of Finding
     seconds : float
-        Duration of the identification [s].
+        Duration of the whole identification [s].
     verdict : Verdict or None
         Whether the model can be trusted: the verdict of the tool and of a report, on the experiments of `validation`.
         None if nothing could be compared, and for an identification in blocks.
@@ -939,6 +941,7 @@ class Identification(_Found):
     nominal: bool
     singular_value_gap: float
     held_out: bool
+    held_out_experiments: int
     validation: Validation
     outliers: list[Outlier]
     copies: list[list[int]]
@@ -977,8 +980,8 @@ class Identification(_Found):
 
     def _judgement(self) -> list[_display.Row]:
         """Fits and verdict."""
-        # With one experiment, its last steps may be held out.
-        held_out = "on data held out" if self.experiments == 1 else "on experiments held out"
+        number = self.held_out_experiments
+        held_out = f"on {plural(number, 'experiment')} held out" if number else "on data held out"
         where = held_out if self.held_out else "on the training data"
         found = self.validation
         rows: list[_display.Row] = [("Fit", where), ("", _fits(found.output_names, _columns(found)))]

@@ -317,7 +317,6 @@ Model first_model(const Model& model, const Plan& plan, const Prepared& prepared
 // no findings about single experiments.
 Identification identified(const Ensemble& used, const Vector& weights, const Measured* measured, bool validating,
                           const IdentifyOptions& options, const OnModel& on_model = {}) {
-  const auto begin = std::chrono::steady_clock::now();
   check_options(options);
   const Survey all_samples = checked_channels(used);
   Split parts;
@@ -384,6 +383,7 @@ Identification identified(const Ensemble& used, const Vector& weights, const Mea
   result.min_experiments = experiments_for(training, result.plan.lags, result.plan);
   take_evidence(std::move(prepared.nominal_test), std::move(regression), survey, std::move(realisation), result);
   result.held_out = holding_out;
+  result.held_out_experiments = used.experiments() - training.experiments();
   const bool chosen = result.plan.noisy || options.choices;
   result.model.provenance = origin_of(options, chosen, result);
   result.model.provenance.data = {fingerprint(training)};
@@ -398,7 +398,6 @@ Identification identified(const Ensemble& used, const Vector& weights, const Mea
     append(findings, findings_of_fit(result.validation.one_step.fit, training.names));
   }
   if (options.execution.progress) options.execution.progress({.share = 1.0});
-  result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   return result;
 }
 
@@ -448,7 +447,8 @@ Identification identified_with_outliers(const Ensemble& used, Measured measured,
 }  // namespace
 
 Identification identify(const Ensemble& ensemble, const IdentifyOptions& options, const OnModel& on_model) {
-  return with_remark_on_axes(ensemble, [&] {
+  const auto begin = std::chrono::steady_clock::now();
+  Identification result = with_remark_on_axes(ensemble, [&] {
     UsedExperiments used = used_experiments(ensemble);
     const Measured measured{ensemble, used.rows()};
     if (used.all(ensemble)) return identified_with_outliers(ensemble, measured, options, on_model);
@@ -461,6 +461,8 @@ Identification identify(const Ensemble& ensemble, const IdentifyOptions& options
     result.dependent = std::move(used.dependent);
     return result;
   });
+  result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  return result;
 }
 
 Provenance origin_of(const IdentifyOptions& options, bool chosen, const Identification& result) {

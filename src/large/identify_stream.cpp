@@ -128,6 +128,7 @@ class Record {
     result.steps = file_.steps();
     result.experiments = experiments();
     result.held_out = layout_.hold_out > 0;
+    result.held_out_experiments = file_.experiments() - result.experiments;
     const Plan& plan = layout_.plan;
     result.min_experiments = minimum_experiments(file_.inputs(), file_.outputs(), plan.lags, plan.feedthrough.present) +
                              (plan.nominal ? 1 : 0);
