@@ -12,6 +12,7 @@
 #include "data/noise_of.hpp"
 #include "data/scales.hpp"
 #include "data/subjects.hpp"
+#include "data/unused.hpp"
 
 namespace tokid {
 
@@ -533,6 +534,14 @@ Findings findings_of(const UsedExperiments& used, const Ensemble& ensemble) {
   Findings result = findings_of(used.copies, ensemble);
   append(result, findings_of(used.dependent, ensemble));
   return result;
+}
+
+std::string remark_on_unused(const Ensemble& ensemble) {
+  std::string text;
+  if (ensemble.samples().array().isInf().any()) return text;  // its message names the sample
+  for (const std::string& sentence : in_words(findings_of(used_experiments(ensemble), ensemble)))
+    text += "; " + sentence;
+  return text;
 }
 
 }  // namespace tokid

@@ -13,6 +13,7 @@
 #include "base/random.hpp"
 #include "data/check.hpp"
 #include "data/rows.hpp"
+#include "data/unused.hpp"
 #include "identify/identify.hpp"
 #include "model/comparison.hpp"
 #include "tokid/dependence.hpp"
@@ -94,7 +95,8 @@ CrossValidation cross_validate(const Ensemble& ensemble, const IdentifyOptions& 
   check_first_step(options.first_step, ensemble.steps());
   const UsedExperiments used = used_experiments(ensemble);
   if (!used.all(ensemble)) {  // a copy or sum in another fold would make errors look too small
-    CrossValidation result = cross_validate(ensemble.subset(used.rows()), identify_options, options);
+    CrossValidation result = with_remark_on_unused(
+        ensemble, [&] { return cross_validate(ensemble.subset(used.rows()), identify_options, options); });
     for (Fold& fold : result.folds) {
       for (Index& n : fold.experiments) n = used.rows()[size_t(n)];
       fold.experiment_names = names_of(ensemble, fold.experiments);

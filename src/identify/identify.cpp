@@ -17,6 +17,7 @@
 #include "data/axes.hpp"
 #include "data/check.hpp"
 #include "data/rows.hpp"
+#include "data/unused.hpp"
 #include "diagnose/excitation.hpp"
 #include "diagnose/model_states.hpp"
 #include "diagnose/outliers.hpp"
@@ -448,7 +449,7 @@ Identification identified_with_outliers(const Ensemble& used, Measured measured,
 
 Identification identify(const Ensemble& ensemble, const IdentifyOptions& options, const OnModel& on_model) {
   const auto begin = std::chrono::steady_clock::now();
-  Identification result = with_remark_on_axes(ensemble, [&] {
+  const auto of_used = [&] {
     UsedExperiments used = used_experiments(ensemble);
     const Measured measured{ensemble, used.rows()};
     if (used.all(ensemble)) return identified_with_outliers(ensemble, measured, options, on_model);
@@ -460,7 +461,8 @@ Identification identify(const Ensemble& ensemble, const IdentifyOptions& options
     result.copies = std::move(used.copies);
     result.dependent = std::move(used.dependent);
     return result;
-  });
+  };
+  Identification result = with_remark_on_axes(ensemble, [&] { return with_remark_on_unused(ensemble, of_used); });
   result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   return result;
 }

@@ -9,6 +9,7 @@
 #include "base/nan.hpp"
 #include "data/channel_sizes.hpp"
 #include "data/output_weights.hpp"
+#include "data/unused.hpp"
 #include "tokid/dependence.hpp"
 #include "tokid/identify.hpp"
 #include "tokid/uncertainty.hpp"
@@ -295,7 +296,7 @@ class Bounds {
 }  // namespace
 
 Confidence confidence(const Model& model, const Ensemble& data, const ConfidenceOptions& options) {
-  return Bounds(model, data, options).run();
+  return with_remark_on_unused(data, [&] { return Bounds(model, data, options).run(); });
 }
 
 }  // namespace tokid

@@ -8,6 +8,7 @@
 #include <stdexcept>
 
 #include "data/check.hpp"
+#include "data/unused.hpp"
 #include "tokid/identify.hpp"
 #include "tokid/validate.hpp"
 #include "uncertainty/interval.hpp"
@@ -129,7 +130,8 @@ FunctionBounds function_bounds(const Model& model, const Ensemble& data, const F
                                const ConfidenceOptions& options, Index steps) {
   uncertainty::check_level(options.level);
   const IdentifyOptions identification = identify_options(model.provenance);
-  const Ensemble training = uncertainty::training_part(model, data, identification);
+  const Ensemble training =
+      with_remark_on_unused(data, [&] { return uncertainty::training_part(model, data, identification); });
   const Index entries = function(model).size();
   if (entries == 0) throw std::invalid_argument("function: no values found, at least one needed");
   if (steps < 1 || entries % steps != 0)
