@@ -7,6 +7,7 @@
 #include "command.hpp"
 #include "common.hpp"
 #include "control_rows.hpp"
+#include "data/extents.hpp"
 #include "io/formats/provenance_text.hpp"
 #include "io/formats/provenance_words.hpp"
 #include "picture.hpp"
@@ -47,6 +48,17 @@ std::vector<Channel> channels(const Ensemble& e) {
   return result;
 }
 
+// Copies, dependent and empty experiments do not count.
+Index usable_experiments(const Ensemble& e, const Findings& findings) {
+  using Kind = Finding::Kind;
+  Index count = e.experiments();
+  for (const Finding& f : findings)
+    if (f.kind == Kind::experiments_copied || f.kind == Kind::experiments_dependent ||
+        f.kind == Kind::experiments_empty)
+      count -= Index(f.experiments.size());
+  return count;
+}
+
 Json json(const Call& call, const Ensemble& e, const Findings& findings) {
   Json j;
   j["file"] = json_of(call.paths);
@@ -62,7 +74,7 @@ Json json(const Call& call, const Ensemble& e, const Findings& findings) {
   j["length"] = e.length.empty() ? Json() : Json(e.length);
   j["initial_state"] = e.initial_state ? Json(to_string(*e.initial_state)) : Json();
   j["free_responses"] = {{"experiments", e.free.experiments}, {"steps", e.free.steps}};
-  j["largest_lag_order"] = largest_lag_order(e.experiments(), e.inputs(), e.outputs());
+  j["largest_lag_order"] = largest_lag_order(usable_experiments(e, findings), e.inputs(), e.outputs());
   j["channels"] = Json::array();
   for (const auto& [kind, name, unit, label, s] : channels(e))
     j["channels"].push_back({{"kind", kind},
@@ -86,21 +98,20 @@ std::string name_list(const std::vector<std::string>& names) {
   return fmt::format("{}, … {}", fmt::join(names.begin(), names.begin() + most - 1, ", "), names.back());
 }
 
-std::string report(const Call& call, const Ensemble& e) {
+std::string report(const Call& call, const Ensemble& e, const Findings& findings) {
   Page page;
   page.row("Ensemble", call.file.string());
   page.row("", describe(e));
-  if (!e.length.empty()) {
-    const auto [least, most] = std::minmax_element(e.length.begin(), e.length.end());
+  const std::vector<Index> length = lengths(e);
+  if (const auto [least, most] = std::minmax_element(length.begin(), length.end()); *least < e.steps())
     page.row("Lengths", fmt::format("{} to {} steps", *least, *most));
-  }
   if (!e.experiment_names.empty()) page.row("Named", name_list(e.experiment_names));
   page.row("Initial state", e.initial_state ? to_string(*e.initial_state) : "not stated");
   if (e.free.experiments > 0)
     page.row("Free", fmt::format("{} of {}", plural(e.free.experiments, "response"), plural(e.free.steps, "step")));
-  const Index p = largest_lag_order(e.experiments(), e.inputs(), e.outputs());
+  const Index usable = usable_experiments(e, findings), p = largest_lag_order(usable, e.inputs(), e.outputs());
   page.row("Lag orders",
-           p > 0 ? fmt::format("{} permit p up to {}", plural(e.experiments(), "experiment"), p)
+           p > 0 ? fmt::format("{} permit p up to {}", plural(usable, "experiment"), p)
                  : fmt::format("none; p = 1 needs {} experiments", minimum_experiments(e.inputs(), e.outputs(), 1)));
   page.row("Channels", "");
   std::vector<std::vector<std::string>> rows{{"channel", "kind", "missing", "mean", "std", "min", "max"}};
@@ -338,11 +349,12 @@ void run(const Call& call) {
   if (!call.page.empty()) check_output(call.page, Content::page, call.paths);
   const Ensemble data = load_ensemble(call.paths, call.read);
   if (!call.page.empty()) save_text(picture_page(data, call.file.string()), call.page);
-  const Findings findings = remarks(data);
+  Findings findings = remarks(data);
+  append(findings, sample_remarks(data));
   if (call.json)
     print(json(call, data, findings));
   else
-    print(report(call, data));
+    print(report(call, data, findings));
   warn(findings);
 }
 

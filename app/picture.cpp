@@ -11,6 +11,8 @@
 #include <string_view>
 
 #include "common.hpp"
+#include "data/extents.hpp"
+#include "data/scales.hpp"
 #include "tokid/printable.hpp"
 
 namespace tokid::app {
@@ -32,23 +34,24 @@ struct Course {
   Index missing_samples = 0;
 };
 
-bool is_within(const Ensemble& e, Index n, Index k) { return e.length.empty() || k < e.length[size_t(n)]; }
-
 Course course_of(const Ensemble& e, Index c) {
   Course course;
+  const std::vector<Index> length = lengths(e);
   for (Index k = 0; k < e.steps(); ++k) {
     const auto column = e.samples().col(k * e.channels() + c);
-    double sum = 0, squares = 0;
+    // Differences from the first sample are exactly zero if all samples are equal.
+    double first = none, mean = 0, squares = 0;
     Index count = 0, within = 0;
     for (Index n = 0; n < e.experiments(); ++n) {
-      within += is_within(e, n, k);
+      within += k < length[size_t(n)];
       if (std::isnan(column(n))) continue;
-      const double before = column(n) - (count > 0 ? sum / double(count) : column(n));
-      sum += column(n), ++count;
-      squares += before * (column(n) - sum / double(count));
+      if (count++ == 0) first = column(n);
+      const double value = column(n) - first, before = value - mean;
+      mean += before / double(count);
+      squares += before * (value - mean);
     }
-    course.mean.push_back(count > 0 ? sum / double(count) : none);
-    course.spread.push_back(count > 1 ? std::sqrt(squares / double(count - 1)) : none);
+    course.mean.push_back(first + mean);
+    course.spread.push_back(count > 1 ? spread_above_rounding(std::sqrt(squares / double(count - 1)), first) : none);
     course.missing.push_back(within > 0 ? double(within - std::min(within, count)) / double(within) : 0.0);
     course.missing_samples += within - std::min(within, count);
   }

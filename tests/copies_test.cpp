@@ -219,7 +219,7 @@ TEST(Copies, AreToldByTheirRows) {
   EXPECT_EQ(in_words(findings_of(copies, e)),
             (std::vector<std::string>{
                 "3 of 7 experiments are copies of other experiments, within rounding: experiments 3 and 6 of "
-                "experiment 0; experiment 5 of experiment 1. The copies were not used"}));
+                "experiment 0; experiment 5 of experiment 1. The copies are not used"}));
   Ensemble named = e;
   set_experiment_names(named, {"a", "b", "c", "d", "e", "f", "g"});
   EXPECT_NE(in_words(findings_of(copies, named)).front().find("\"f\" (row 5) of experiment \"b\" (row 1)"),

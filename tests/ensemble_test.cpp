@@ -470,7 +470,8 @@ TEST(Survey, AnInputOfOneExperimentAloneIsNotTheSameInAll) {
   set_length(e, {4, 6, 4});
   EXPECT_EQ(in_words(findings_of_inputs(survey(e, 0, 6), e.names)),
             (std::vector<std::string>{
-                "input thrust is the same in every experiment at step 2: its effect at these steps can't be identified",
+                "input thrust is the same in every experiment at step 2: its effect at these steps can't be separated from the mean "
+                "motion. Vary this input from experiment to experiment",
                 "only one experiment has samples of input thrust at steps 4–5: its effect at these steps can't be identified"}));
   Survey parts = survey(e, 0, 3);
   parts.append(survey(e, 3, 6), 3);

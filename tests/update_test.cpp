@@ -367,7 +367,7 @@ TEST(Update, KnowsCopiesOfWhatItHas) {
       (std::vector<std::string>{
           "6 of 27 experiments are in the state file already: 0–4 and 25. These experiments are not added again",
           "1 of 27 experiments is a copy of another experiment, within rounding: experiment 26 of experiment 15. The "
-          "copy was not used"}));
+          "copy is not used"}));
   EXPECT_EQ(state.factors.factor, once.factors.factor);
   EXPECT_EQ(state.factors.experiments, 50);
   EXPECT_EQ(state.digests.size(), 52);

@@ -37,11 +37,12 @@ Dependence find_dependence(const Ensemble& ensemble);
 // Findings that name each dependent experiment and the experiments in its sum. Empty if no experiment is dependent.
 Findings findings_of(const Dependence& dependence, const Ensemble& ensemble);
 
-// The experiments to use: without copies and without dependent experiments. Row numbers are those of the whole data.
-// `dependent.used` contains the rows that remain after both searches.
+// The experiments to use: without copies, dependent experiments, and experiments without a sample. Row numbers are
+// those of the whole data. `dependent.used` contains the rows that remain.
 struct UsedExperiments {
   Copies copies;
   Dependence dependent;
+  std::vector<Index> empty = {};  // rows of the experiments without a sample
 
   bool all(const Ensemble& ensemble) const { return Index(dependent.used.size()) == ensemble.experiments(); }
   const std::vector<Index>& rows() const { return dependent.used; }
@@ -49,8 +50,6 @@ struct UsedExperiments {
 UsedExperiments used_experiments(const Ensemble& ensemble);
 // The dependent experiments among the rows in `copies.used`, with the row numbers of the whole data.
 Dependence dependence_beside(const Copies& copies, const Ensemble& ensemble);
-// The rows 0 … experiments-1 without the copies and the dependent experiments.
-std::vector<Index> used_experiments(Index experiments, const Copies& copies, const Dependence& dependent);
 Findings findings_of(const UsedExperiments& used, const Ensemble& ensemble);
 
 }  // namespace tokid

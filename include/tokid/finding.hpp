@@ -82,6 +82,8 @@ struct Finding {
     output_constant,               // channels
     samples_missing,               // channels, steps: missing in every experiment
     experiments_without_overlap,   // experiments: a late and an early one; steps: late begin, early end
+    early_steps_of_few,            // experiments, steps: before those that enough experiments reach; numbers: needed
+    late_steps_of_few,             // as early_steps_of_few, after those steps: the model ends before them
     inputs_dependent,              // channels, terms, steps; numbers: constant, varying, period
     input_predictable,             // as inputs_dependent, from earlier inputs; for sines: sines, sines_needed, lags
     input_feedback,                // as inputs_dependent, from earlier inputs and outputs
@@ -92,6 +94,7 @@ struct Finding {
     more_stuck_outputs,            // channels; numbers: count
     experiments_end_early,         // experiments; steps: from which all channels of each experiment are constant
     angle_wraps,                   // channels, experiments, steps: the first jump; numbers: turn, count
+    experiments_empty,             // experiments; numbers: experiments
     experiments_copied,            // experiments, groups: the original of each copy; numbers: experiments
     experiments_dependent,         // experiments, groups: the terms of each sum; numbers: experiments
     inputs_repeated,               // numbers: experiments, courses, needed, lags

@@ -43,8 +43,8 @@ struct Identification {
   Validation validation;
   // Outliers, with their rows in the whole data. Empty for data without noise or with fewer than five experiments.
   std::vector<Outlier> outliers;
-  // Copies and dependent experiments, with their rows in the whole data. One experiment of each group of copies was
-  // used, and no dependent experiment.
+  // Copies and dependent experiments, with their rows in the whole data. `dependent.used` has the rows of the
+  // experiments that were used, before outliers were dropped.
   Copies copies;
   Dependence dependent;
   Findings findings;

@@ -14,6 +14,10 @@ namespace tokid {
 Findings remarks(const Ensemble& data);
 Findings remarks(const Model& model, const Ensemble& data);
 
+// Findings about the samples that an identification also reports: experiments that are not used, steps that too few
+// experiments reach, and channels that tell nothing. Empty for data without outputs.
+Findings sample_remarks(const Ensemble& data);
+
 // The initial state of a simulation of these inputs: "zero state" or "mean initial state". With `estimate`, as for
 // simulate_data(), also "state that the first samples determine".
 std::string simulation_start(const Model& model, const Ensemble& inputs, bool estimate);

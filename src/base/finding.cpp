@@ -141,6 +141,11 @@ std::string experiments(const std::vector<Experiment>& list, size_t most) {
   return (list.size() == 1 ? "experiment " : "experiments ") + listed(list, most);
 }
 
+// "experiment 3 has", "experiments 3 and 5 have"
+std::string having(const Finding& f) {
+  return experiments(f.experiments, 6) + (f.experiments.size() == 1 ? " has" : " have");
+}
+
 std::string made_of(const Finding& f, const char* one, const char* several) {
   constexpr size_t most_groups = 4;
   std::vector<std::string> parts;
@@ -168,9 +173,9 @@ std::string made_of(const Finding& f, const char* one, const char* several) {
 std::string consequence(const Finding& f) {
   if (f.scope == Finding::Scope::deciding_stretches)
     return "An identification in blocks uses these experiments, too, so the cross-validation errors are too small. Delete these experiments from the data, or identify with --block all";
-  if (f.kind == Kind::experiments_copied) return f.experiments.size() == 1 ? "The copy was not used" : "The copies were not used";
-  return f.experiments.size() == 1 ? "This experiment adds no information and was not used"
-                                   : "These experiments add no information and were not used";
+  if (f.kind == Kind::experiments_copied) return f.experiments.size() == 1 ? "The copy is not used" : "The copies are not used";
+  return f.experiments.size() == 1 ? "This experiment adds no information and is not used"
+                                   : "These experiments add no information and are not used";
 }
 
 // What is known of an experiment that does not fit, and what was done about it.
@@ -303,7 +308,7 @@ constexpr Entry table[] = {
              "only one experiment has samples of input {} at {}: its effect at these steps can't be identified",
              channel(f), words::step_list(f.steps));
        return fmt::format(
-           "input {} is the same in every experiment at {}: its effect at these steps can't be identified",
+           "input {} is the same in every experiment at {}: its effect at these steps can't be separated from the mean motion. Vary this input from experiment to experiment",
            channel(f), words::step_list(f.steps));
      }},
     {Kind::input_zero_throughout, "input_zero_throughout", warning,
@@ -336,6 +341,19 @@ constexpr Entry table[] = {
        return fmt::format(
            "experiment {} begins at step {}, after experiment {} has ended at step {}. Experiments without a common step can't be compared. Count the steps or times of each experiment from its beginning",
            experiment(f.experiments[0]), f.steps[0], experiment(f.experiments[1]), f.steps[1]);
+     }},
+    {Kind::early_steps_of_few, "early_steps_of_few", warning,
+     [](const Finding& f) {
+       return fmt::format(
+           "only {} samples at {}, before the other experiments begin. A step needs at least {} experiments, so nothing about these steps can be identified. Count the steps or times of each experiment from its beginning, or delete these samples",
+           having(f), words::step_list(f.steps), count(f, "needed"));
+     }},
+    {Kind::late_steps_of_few, "late_steps_of_few", warning,
+     [](const Finding& f) {
+       return fmt::format(
+           "only {} samples at {}, after the other experiments have ended. A step needs at least {} experiments, so a model that varies over time ends with step {}, and does not use these samples. Measure more experiments of {}. If the system does not vary over time, state this (--time-invariant), because tokid then uses all samples",
+           having(f), words::step_list(f.steps), count(f, "needed"), f.steps.front() - 1,
+           words::plural(f.steps.back() + 1, "step"));
      }},
     {Kind::inputs_dependent, "inputs_dependent", warning,
      [](const Finding& f) {
@@ -403,6 +421,13 @@ constexpr Entry table[] = {
            "output {} jumps by a whole turn ({:.4g}) {}, first in experiment {} at step {}. It looks like an angle between two limits. Unwrap the angle, for example by numpy.unwrap",
            channel(f), number(f, "turn"), count(f, "count") == 1 ? "once" : fmt::format("{} times", count(f, "count")),
            experiment(f.experiments[0]), f.steps.front());
+     }},
+    {Kind::experiments_empty, "experiments_empty", warning,
+     [](const Finding& f) {
+       const bool one = f.experiments.size() == 1;
+       return fmt::format("{} of {} experiments {} no samples: {}. {} not used", f.experiments.size(),
+                          count(f, "experiments"), one ? "has" : "have", experiments(f.experiments, 6),
+                          one ? "This experiment is" : "These experiments are");
      }},
     {Kind::experiments_copied, "experiments_copied", warning,
      [](const Finding& f) {

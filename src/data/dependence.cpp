@@ -9,7 +9,9 @@
 
 #include "base/statistics.hpp"
 #include "data/check.hpp"
+#include "data/extents.hpp"
 #include "data/noise_of.hpp"
+#include "data/rows.hpp"
 #include "data/scales.hpp"
 #include "data/subjects.hpp"
 #include "data/unused.hpp"
@@ -485,18 +487,9 @@ Dependence find_dependence(const Ensemble& ensemble) {
 Dependence find_dependence(const Ensemble& ensemble, const Scales& scales) {
   Dependence result;
   result.combinations = made_of_others(ensemble, scales);
-  result.used = used_experiments(ensemble.experiments(), {}, result);
-  return result;
-}
-
-std::vector<Index> used_experiments(Index experiments, const Copies& copies, const Dependence& dependence) {
-  std::vector<bool> used(static_cast<size_t>(experiments), true);
-  for (const std::vector<Index>& group : copies.groups)
-    for (size_t i = 1; i < group.size(); ++i) used[size_t(group[i])] = false;
-  for (const DependentExperiment& c : dependence.combinations) used[size_t(c.experiment)] = false;
-  std::vector<Index> result;
-  for (Index n = 0; n < experiments; ++n)
-    if (used[size_t(n)]) result.push_back(n);
+  std::vector<Index> dependent;
+  for (const DependentExperiment& c : result.combinations) dependent.push_back(c.experiment);
+  result.used = other_rows(ensemble.experiments(), dependent);
   return result;
 }
 
@@ -512,11 +505,26 @@ Dependence dependence_beside(const Copies& copies, const Ensemble& ensemble) {
   return result;
 }
 
+namespace {
+
+// If no experiment has a sample, all of them stay, so that the checks of the samples say so.
+void leave_out_empty(UsedExperiments& used, const Ensemble& ensemble) {
+  const std::vector<Extent> all = extents(ensemble);
+  for (Index n = 0; n < ensemble.experiments(); ++n)
+    if (all[size_t(n)].begin == all[size_t(n)].end) used.empty.push_back(n);
+  if (Index(used.empty.size()) == ensemble.experiments()) used.empty.clear();
+  std::erase_if(used.dependent.used,
+                [&](Index n) { return std::binary_search(used.empty.begin(), used.empty.end(), n); });
+}
+
+}  // namespace
+
 UsedExperiments used_experiments(const Ensemble& ensemble) {
   const Scales s = scales(ensemble);
   UsedExperiments result{find_copies(ensemble, s), {}};
   const bool all = Index(result.copies.used.size()) == ensemble.experiments();
   result.dependent = all ? find_dependence(ensemble, s) : dependence_beside(result.copies, ensemble);
+  leave_out_empty(result, ensemble);
   return result;
 }
 
@@ -531,7 +539,12 @@ Findings findings_of(const Dependence& dependence, const Ensemble& e) {
 }
 
 Findings findings_of(const UsedExperiments& used, const Ensemble& ensemble) {
-  Findings result = findings_of(used.copies, ensemble);
+  Findings result;
+  if (!used.empty.empty())
+    result.push_back({.kind = Finding::Kind::experiments_empty,
+                      .experiments = experiments(ensemble, used.empty),
+                      .numbers = {{"experiments", double(ensemble.experiments())}}});
+  append(result, findings_of(used.copies, ensemble));
   append(result, findings_of(used.dependent, ensemble));
   return result;
 }

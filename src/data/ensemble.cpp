@@ -15,6 +15,8 @@
 #include "base/statistics.hpp"
 #include "base/words.hpp"
 #include "data/experiment_names.hpp"
+#include "data/extents.hpp"
+#include "data/scales.hpp"
 
 namespace tokid {
 
@@ -192,7 +194,7 @@ std::string Ensemble::experiment(Index n) const { return words::experiment(n, ex
 
 Index missing_samples(const Ensemble& ensemble) {
   Index beyond = 0;
-  for (const Index length : ensemble.length) beyond += (ensemble.steps() - length) * ensemble.channels();
+  for (const Index length : lengths(ensemble)) beyond += (ensemble.steps() - length) * ensemble.channels();
   return ensemble.missing() - beyond;
 }
 
@@ -200,9 +202,10 @@ ChannelSummary channel_summary(const Ensemble& e, Index channel) {
   ChannelSummary s;
   // Welford's update needs one pass, without cancellation for channels far from zero.
   double squares = 0.0;
+  const std::vector<Index> length = lengths(e);
   for (Index k = 0; k < e.steps(); ++k)
     for (Index n = 0; n < e.experiments(); ++n) {
-      if (!e.length.empty() && k >= e.length[static_cast<size_t>(n)]) continue;
+      if (k >= length[static_cast<size_t>(n)]) continue;
       const double value = e.samples()(n, k * e.channels() + channel);
       if (std::isnan(value)) {
         ++s.missing;
@@ -215,7 +218,7 @@ ChannelSummary channel_summary(const Ensemble& e, Index channel) {
       s.min = std::min(s.min, value);
       s.max = std::max(s.max, value);
     }
-  if (s.samples > 0) s.std = std::sqrt(squares / double(s.samples));
+  if (s.samples > 0) s.std = spread_above_rounding(std::sqrt(squares / double(s.samples)), s.mean);
   return s;
 }
 

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cmath>
 #include <vector>
 
 #include "tokid/ensemble.hpp"
@@ -13,6 +14,10 @@ namespace tokid {
 inline constexpr double rounding_of_departures = 4e-6;
 // Rounding error of sums in double precision, as a share of the size of a channel.
 inline constexpr double rounding_of_sizes = 1e-12;
+// The spread of values of this size; zero if rounding errors alone explain it.
+inline double spread_above_rounding(double spread, double size) {
+  return spread > rounding_of_sizes * std::abs(size) ? spread : 0.0;
+}
 // If the error of rounding to few digits is above this share of the departures, equal rounded values prove nothing.
 inline constexpr double coarsest_share = 0.05;
 

@@ -16,6 +16,8 @@
 #include <xxhash.h>
 
 #include "data/canonical.hpp"
+#include "data/extents.hpp"
+#include "data/scales.hpp"
 #include "data/subjects.hpp"
 
 namespace tokid {
@@ -91,7 +93,7 @@ Survey survey(const Ensemble& e, Index begin, Index end, Index origin) {
       }
       range.min = std::min(range.min, least);
       range.max = std::max(range.max, most);
-      if (c < e.inputs() && least == most) {
+      if (c < e.inputs() && spread_above_rounding(most - least, std::max(most, -least)) == 0) {
         const bool alone = present == 1 && column.size() > 1;
         (least == 0 ? result.zero : alone ? result.alone : result.same)[size_t(c)].push_back(k - begin);
       }
@@ -180,19 +182,15 @@ Findings findings_of_absence(const Survey& survey, const Channels& names) {
 }
 
 Findings findings_of_overlap(const Ensemble& e) {
-  std::vector<Index> first(size_t(e.experiments()), e.steps()), last(size_t(e.experiments()), -1);
-  for (Index k = 0; k < e.steps(); ++k)
-    for (Index c = 0; c < e.channels(); ++c)
-      for (Index n = 0; n < e.experiments(); ++n) {
-        if (std::isnan(e.samples()(n, k * e.channels() + c))) continue;
-        first[size_t(n)] = std::min(first[size_t(n)], k);
-        last[size_t(n)] = k;
-      }
-  const auto late = std::max_element(first.begin(), first.end()), early = std::min_element(last.begin(), last.end());
-  if (*early < 0 || *late <= *early) return {};
+  std::vector<Extent> all = extents(e);
+  std::replace_if(
+      all.begin(), all.end(), [](auto& own) { return own.begin == own.end; }, Extent{0, e.steps()});
+  const auto late = std::max_element(all.begin(), all.end(), [](auto& a, auto& b) { return a.begin < b.begin; });
+  const auto early = std::min_element(all.begin(), all.end(), [](auto& a, auto& b) { return a.end < b.end; });
+  if (all.empty() || late->begin < early->end) return {};
   return {{.kind = Finding::Kind::experiments_without_overlap,
-           .experiments = {experiment(e, late - first.begin()), experiment(e, early - last.begin())},
-           .steps = {*late, *early}}};
+           .experiments = {experiment(e, late - all.begin()), experiment(e, early - all.begin())},
+           .steps = {late->begin, early->end - 1}}};
 }
 
 std::uint64_t digest(const Ensemble& e, Index k) {

@@ -16,6 +16,7 @@
 #include "choose/stages.hpp"
 #include "data/axes.hpp"
 #include "data/check.hpp"
+#include "data/extents.hpp"
 #include "data/rows.hpp"
 #include "data/unused.hpp"
 #include "diagnose/excitation.hpp"
@@ -24,6 +25,7 @@
 #include "diagnose/recording.hpp"
 #include "diagnose/regressions.hpp"
 #include "diagnose/repeats.hpp"
+#include "diagnose/samples.hpp"
 #include "identify/examine.hpp"
 #include "identify/identify.hpp"
 #include "identify/prepare.hpp"
@@ -79,14 +81,6 @@ void check_method(const Ensemble& data, const IdentifyOptions& options) {
     throw std::invalid_argument(
         "experiments: 1 found, at least 2 needed to identify how a system varies in time (one is enough if the "
         "system is stated to be time-invariant or periodic)");
-}
-
-// Findings about the samples, before anything is chosen.
-Findings findings_of_samples(const Ensemble& training, const Survey& samples, const IdentifyOptions& options) {
-  Findings result = options.period > 0 ? findings_of_inputs(samples, training.names, options.period, training.steps())
-                                       : findings_of_inputs(samples, training.names);
-  append(result, findings_of_outputs(samples, training.names));
-  return result;
 }
 
 Findings findings_of_lags(const Ensemble& data, const IdentifyOptions& o) {
@@ -314,6 +308,17 @@ Model first_model(const Model& model, const Plan& plan, const Prepared& prepared
   return std::move(found.model);
 }
 
+// The arguments of identified().
+struct Task {
+  const Ensemble& used;
+  const Vector& weights;
+  const Measured* measured;
+  bool validating;
+  const IdentifyOptions& options;
+  const OnModel& on_model;
+};
+Identification identified_before(Index end, Index needed, const Ensemble& training, const Task& task);
+
 // `weights`: of the used experiments, between 0 and 1. `measured`: the source of the names of single experiments; null:
 // no findings about single experiments.
 Identification identified(const Ensemble& used, const Vector& weights, const Measured* measured, bool validating,
@@ -324,14 +329,18 @@ Identification identified(const Ensemble& used, const Vector& weights, const Mea
   const bool holding_out = options.hold_out > 0;
   if (holding_out) parts = split(used, options.hold_out, options.period);
   const Ensemble& training = holding_out ? parts.training : used;
+  const Task task{used, weights, measured, validating, options, on_model};
+  const bool varies = options.period == 0 && !std::isinf(options.smoothing.value_or(0.0));
+  const Extent steps = varies ? reached(training, fewest_at_a_step) : Extent{0, training.steps()};
+  if (steps.end < training.steps()) return identified_before(steps.end, fewest_at_a_step, training, task);
   const Survey samples = holding_out ? survey(training, 0, training.steps()) : all_samples;
 
   Identification result;
   Findings& findings = result.findings;
   if (measured) append(findings, remarks(measured->all));
-  append(findings, findings_of_samples(training, samples, options));
+  if (measured && varies) append(findings, findings_of_reach(measured->all, measured->rows, steps, fewest_at_a_step));
+  append(findings, findings_of_samples(training, samples, steps, options.period));
   if (measured && options.period == 0 && all_samples.missing > 0) append(findings, findings_of_overlap(measured->all));
-  append(findings, findings_of_dependent_outputs(training));
 
   // A single record is split in time. Its weight is that of its first part.
   const Vector of_training = training.experiments() == used.experiments()
@@ -346,6 +355,9 @@ Identification identified(const Ensemble& used, const Vector& weights, const Mea
 
   const Selection selection = selection_samples(data, options);
   Regressed regression = regressed(data, selection, nominal, options);
+  if (const Index needed = experiments_for(data, regression.plan.lags, regression.plan); !regression.plan.coupled)
+    if (const Index end = reached(training, needed).end; end < training.steps())
+      return identified_before(end, needed, training, task);
   append(findings, std::move(regression.findings));
   const RegressionSurvey survey = survey_of(regression.arx, nominal, 0, regression.arx.steps());
   append(findings,
@@ -402,6 +414,21 @@ Identification identified(const Ensemble& used, const Vector& weights, const Mea
   return result;
 }
 
+// Identifies the steps before `end` alone. Fewer than the needed training experiments reach the later steps.
+Identification identified_before(Index end, Index needed, const Ensemble& training, const Task& task) {
+  const Measured* all = task.measured;
+  std::optional<Ensemble> all_begin;
+  std::optional<Measured> measured;
+  if (all) measured.emplace(Measured{all_begin.emplace(begin_of(all->all, end)), all->rows, all->treatment});
+  Identification result = identified(begin_of(task.used, end), task.weights, measured ? &*measured : nullptr,
+                                     task.validating, task.options, task.on_model);
+  note_data(result.model.provenance, fingerprint(training));
+  const Findings unused = all ? findings_of_reach(all->all, all->rows, {0, end}, needed)
+                              : findings_of_reach(task.used, range(0, task.used.experiments()), {0, end}, needed);
+  result.findings.insert(result.findings.begin(), unused.begin(), unused.end());
+  return result;
+}
+
 // Rounds of an identification that drops or downweights what the round before has found.
 constexpr int most_rounds = 6;
 
@@ -452,10 +479,14 @@ Identification identify(const Ensemble& ensemble, const IdentifyOptions& options
   const auto of_used = [&] {
     UsedExperiments used = used_experiments(ensemble);
     const Measured measured{ensemble, used.rows()};
-    if (used.all(ensemble)) return identified_with_outliers(ensemble, measured, options, on_model);
-    ensemble.check();  // reports errors with the rows of the caller
-    Identification result = identified_with_outliers(ensemble.subset(measured.rows), measured, options, on_model);
-    note_data(result.model.provenance, fingerprint(ensemble));
+    Identification result;
+    if (used.all(ensemble)) {
+      result = identified_with_outliers(ensemble, measured, options, on_model);
+    } else {
+      ensemble.check();  // reports errors with the rows of the caller
+      result = identified_with_outliers(ensemble.subset(measured.rows), measured, options, on_model);
+      note_data(result.model.provenance, fingerprint(ensemble));
+    }
     const Findings dropped = findings_of(used, ensemble);
     result.findings.insert(result.findings.begin(), dropped.begin(), dropped.end());
     result.copies = std::move(used.copies);

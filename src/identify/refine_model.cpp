@@ -6,7 +6,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/integers.hpp"
 #include "base/nan.hpp"
+#include "data/extents.hpp"
 #include "data/unused.hpp"
 #include "model/channels.hpp"
 #include "tokid/dependence.hpp"
@@ -75,6 +77,14 @@ RefinedModel refine_model(const Model& model, const Ensemble& data, const Refine
     result.findings.insert(result.findings.begin(), dropped.begin(), dropped.end());
     return result;
   }
+  if (options.refine.period.value_or(model.period) == 0)
+    if (const Extent steps = reached(data, fewest_at_a_step); steps.end < data.steps()) {
+      result = refine_model(model, begin_of(data, steps.end), options);
+      note_data(result.refinement.model.provenance, fingerprint(data));
+      const Findings unused = findings_of_reach(data, range(0, data.experiments()), {0, steps.end}, fewest_at_a_step);
+      result.findings.insert(result.findings.begin(), unused.begin(), unused.end());
+      return result;
+    }
   if (!options.refine.feedthrough)
     throw std::invalid_argument("refine.feedthrough: false found, true needed. State it by feedthrough of the options");
   RefineModelOptions part = options;

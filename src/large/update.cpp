@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "data/check.hpp"
+#include "data/extents.hpp"
 #include "data/subjects.hpp"
 #include "diagnose/model_states.hpp"
 #include "diagnose/regressions.hpp"
@@ -72,8 +73,11 @@ UpdateState update_state(const Ensemble& data, const Identification& result, con
     throw std::invalid_argument(
         "weighting: projection found, which needs samples, but a state file contains no samples; use --weighting "
         "one-step or many-steps");
-  const std::vector<Index> rows = used_experiments(data.experiments(), result.copies, result.dependent);
-  const bool all = Index(rows.size()) == data.experiments();
+  // Too few experiments may reach the later steps.
+  if (result.steps > 0 && result.steps < data.steps())
+    return update_state(begin_of(data, result.steps), result, options);
+  const std::vector<Index>& rows = result.dependent.used;
+  const bool all = rows.empty() || Index(rows.size()) == data.experiments();
   const Corrections& corrections = result.model.provenance.corrections;
   Ensemble own = all ? Ensemble() : data.subset(rows);
   if (!corrections.empty()) own = corrected(all ? data : own, corrections).data;

@@ -10,6 +10,8 @@
 #include "base/rounding.hpp"
 #include "base/statistics.hpp"
 #include "data/axes.hpp"
+#include "data/extents.hpp"
+#include "data/scales.hpp"
 #include "diagnose/excitation.hpp"
 #include "model/comparison.hpp"
 #include "model/outlying_samples.hpp"
@@ -47,7 +49,7 @@ std::vector<double> spreads(const Ensemble& data, Index input) {
     for (const double u : data.input(k).col(input))
       if (!std::isnan(u)) squares += (u - mean) * (u - mean);
     const double deviation = std::sqrt(squares / double(count - 1));
-    spread[size_t(k)] = deviation > 1e-12 * std::abs(mean) ? deviation : 0.0;  // rounding errors count as zero
+    spread[size_t(k)] = spread_above_rounding(deviation, mean);
   }
   return spread;
 }
@@ -146,7 +148,7 @@ std::vector<Index> constant_outputs(const Ensemble& data) {
   std::vector<Index> result;
   for (Index j = 0; j < data.outputs(); ++j) {
     const ChannelSummary s = channel_summary(data, data.inputs() + j);
-    if (s.samples > 1 && !(s.max - s.min > 1e-12 * std::max(std::abs(s.max), std::abs(s.min)))) result.push_back(j);
+    if (s.samples > 1 && spread_above_rounding(s.max - s.min, std::max(s.max, -s.min)) == 0) result.push_back(j);
   }
   return result;
 }
@@ -262,10 +264,9 @@ Evidence evidence(const Model& model, const Tested& tested, Comparison compared)
        {&found.names.input_names, &found.names.output_names, &found.names.input_units, &found.names.output_units})
     for (std::string& name : *list) name = words::quoted(name);
   found.experiments = data.experiments();
-  found.missing = data.missing();
-  for (const Index length : data.length) found.missing -= (data.steps() - length) * data.channels();
-  Index expected = data.samples().size();
-  for (const Index length : data.length) expected -= (data.steps() - length) * data.channels();
+  found.missing = missing_samples(data);
+  Index expected = 0;
+  for (const Index length : lengths(data)) expected += length * data.channels();
   found.missing_share = expected > 0 ? double(found.missing) / double(expected) : 0.0;
   found.noisy = compared.validation.noisy;
   if (model.has(&Step::has_lags)) {

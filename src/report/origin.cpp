@@ -5,6 +5,8 @@
 #include <stdexcept>
 #include <utility>
 
+#include "base/integers.hpp"
+#include "data/extents.hpp"
 #include "model/channels.hpp"
 #include "tokid/identify.hpp"
 
@@ -75,7 +77,11 @@ Tested tested(const Identification& result, const Ensemble& data, const Identify
   options.identified_from = result.experiments;
   options.findings = result.findings;
   options.initial_state = result.model.initial_state;
-  std::vector<Index> rows = used_experiments(data.experiments(), result.copies, result.dependent);
+  // Too few experiments may have reached the later steps. Of a single record, the later steps may be held out.
+  if (identified.period == 0 && result.steps < data.steps())
+    return tested(result, begin_of(data, result.steps), identified, std::move(options));
+  std::vector<Index> rows = result.dependent.used;
+  if (rows.empty()) rows = range(0, data.experiments());  // the identification looked for no copies
   const Corrections& corrections = result.model.provenance.corrections;
   const bool all = Index(rows.size()) == data.experiments() && corrections.empty();
   if (!result.held_out && all) return tested(result.model, data, options);

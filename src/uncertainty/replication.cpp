@@ -8,6 +8,7 @@
 #include <stdexcept>
 
 #include "data/check.hpp"
+#include "data/extents.hpp"
 #include "data/unused.hpp"
 #include "tokid/identify.hpp"
 #include "tokid/validate.hpp"
@@ -80,6 +81,9 @@ Ensemble training_part(const Model& model, const Ensemble& data, const IdentifyO
         "need experiments of equal weight. Identify with the option outliers drop or keep");
   Ensemble training = std::move(remaining.data);
   if (identification.hold_out > 0) training = split(training, identification.hold_out, identification.period).training;
+  if (training.steps() > model.k_end())  // too few experiments may have reached the later steps
+    if (Ensemble begin = begin_of(training, model.k_end()); has_seen(model.provenance, begin))
+      training = std::move(begin);
   const Index recorded = model.provenance.experiments;
   if (recorded > 0 && recorded != training.experiments())
     throw std::invalid_argument(
