@@ -80,11 +80,12 @@ demo:
 	@cmake --build build --target tokid_tool
 	@examples/demo.sh build/bin build/demo
 
+# LEVEL: avx2, sse4 or baseline for results as on an older processor
 test:
 	$(call install,$(test_packages))
 	@$(configure) test >/dev/null
 	@cmake --build build --target all tests_environment
-	@$(python) tests/run.py build
+	@$(python) tests/run.py build $(if $(LEVEL),--as $(LEVEL))
 
 # The package and the tool, and the environment of the site, which needs no network from then on.
 define site_environment
@@ -172,7 +173,8 @@ compare:
 sbom: build
 	@$(python) cmake/sbom.py . build build/tokid.cdx.json
 
-install-test:
+install-# LEVEL: avx2, sse4 or baseline for results as on an older processor
+test:
 	$(call install,$(test_packages))
 	@$(configure) test >/dev/null
 	@cmake --build build

@@ -1,7 +1,10 @@
 #!/usr/bin/env python3
 """Runs all tests of a build directory and ends with the line 'N passed, N failed'.
 
-    tests/run.py BUILD [argument of ctest ...]
+    tests/run.py BUILD [--as LEVEL] [argument of ctest ...]
+
+With --as avx2, sse4 or baseline, tokid, NumPy, OpenBLAS and the C library compute as on a processor without newer
+instructions.
 
 Every GoogleTest case and every pytest case counts as one; what else ctest runs (the examples, the installed package)
 counts as one each. The exit status is 0 if something passed and nothing failed.
@@ -13,6 +16,19 @@ import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
+
+
+NEWER = {"avx2": (["AVX512F", "AVX512CD", "AVX512_SKX", "AVX512_CLX", "AVX512_CNL", "AVX512_ICL", "AVX512_SPR",
+                  "X86_V4"], ["AVX512F"], "Haswell")}
+NEWER["sse4"] = (["AVX2", "FMA3", "AVX", "F16C", "X86_V3", *NEWER["avx2"][0]], ["AVX", "AVX2", "FMA", "FMA4", "AVX512F"], "Nehalem")
+NEWER["baseline"] = (["SSE41", "SSE42", "POPCNT", "SSSE3", *NEWER["sse4"][0]], NEWER["sse4"][1], "Prescott")
+
+
+def processor(level):
+    """The environment for a processor of this level: what its instructions are, for each of the libraries."""
+    numpy, libc, openblas = NEWER[level]
+    return {"TOKID_SIMD": level, "NPY_DISABLE_CPU_FEATURES": " ".join(numpy), "OPENBLAS_CORETYPE": openblas,
+            "GLIBC_TUNABLES": "glibc.cpu.hwcaps=" + ",".join("-" + name for name in libc)}
 
 
 def outcome(case):
@@ -36,15 +52,19 @@ def pytest_cases(report):
 
 
 def main():
-    build = Path(sys.argv[1])
+    build, words = Path(sys.argv[1]), sys.argv[2:]
+    environment = dict(os.environ)
+    if words[:1] == ["--as"]:
+        environment.update(processor(words[1]))
+        words = words[2:]
     reports = (build / "reports").resolve()
     shutil.rmtree(reports, ignore_errors=True)
     reports.mkdir(parents=True)
     at_once = 3 * os.cpu_count()  # many of them wait: for a browser, for files to be safe, for processes to kill
     status = subprocess.run(
         ["ctest", "--test-dir", build, "--progress", "--output-on-failure", "--no-tests=error", "--no-label-summary",
-         "--parallel", str(at_once), "--output-junit", reports / "ctest.xml", *sys.argv[2:]],
-        stdin=subprocess.DEVNULL, check=False).returncode
+         "--parallel", str(at_once), "--output-junit", reports / "ctest.xml", *words],
+        stdin=subprocess.DEVNULL, check=False, env=environment).returncode
 
     results = []
     for test in ElementTree.parse(reports / "ctest.xml").iter("testcase"):
