@@ -5,11 +5,16 @@ import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import tokid
+from tokid import _tokid
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests"))
+from perturbation import perturbed  # noqa: E402
 
 
 @pytest.fixture(scope="session")
@@ -60,3 +65,17 @@ def same_model():
         assert a.options == b.options and a.k_begin == b.k_begin and a.method == b.method
 
     return check
+
+
+@pytest.fixture
+def other_processor(monkeypatch):
+    """Outputs of ensembles are perturbed, as perturbation.py says."""
+    write, example = _tokid.Ensemble.write_outputs, tokid.example
+
+    def perturbed_example(*arguments, **options):
+        data = example(*arguments, **options)
+        data.y[...] = perturbed(data.y)
+        return data
+
+    monkeypatch.setattr(_tokid.Ensemble, "write_outputs", lambda core, y: write(core, perturbed(y)))
+    monkeypatch.setattr(tokid, "example", perturbed_example)

@@ -7,14 +7,24 @@ import pkgutil
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import tokid
+from tokid import Ensemble
 
+pytestmark = pytest.mark.usefixtures("other_processor")
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 # Those of optional packages have tests of their own.
 MODULES = [name for _, name, _ in pkgutil.iter_modules(tokid.__path__) if name.startswith("_") or name in ("results", "stages")]
+
+
+def test_data_are_perturbed():
+    asked = {"experiments": 2, "steps": 9, "measurement_noise": 0.1}
+    plain = tokid._example.example("oscillator", **asked)
+    for data in (tokid.example("oscillator", **asked), Ensemble(plain.u, plain.y)):
+        assert 0 < np.abs(data.y / plain.y - 1).max() < 1e-15
 
 
 @pytest.mark.parametrize("name", ["", *MODULES])

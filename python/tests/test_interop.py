@@ -792,7 +792,7 @@ def test_docstrings(name, shown):
     assert found.failed == 0 and found.attempted > 3
 
 
-def test_guide(tmp_path, monkeypatch):
+def test_guide(tmp_path, monkeypatch, other_processor):
     monkeypatch.chdir(tmp_path)
     page = Path(__file__).resolve().parents[2] / "docs" / "python-interop.md"
     found = doctest.testfile(str(page), module_relative=False, optionflags=FLAGS)

@@ -13,8 +13,9 @@ from itertools import zip_longest
 
 import pytest
 from conftest import ROOT
+from perturbation import SEED
+from test_docs import anew, same
 from test_docs import run as run_tool
-from test_docs import same
 
 TESTS = ROOT / "tests" / "matlab"
 CASES = [pytest.param(file.stem, name, id=f"{file.stem[5:]}-{name[5:]}") for file in sorted(TESTS.glob("test_*.m"))
@@ -93,12 +94,14 @@ def run_blocks(octave, page, first, after=""):
     text = updated = page.read_text(encoding="utf-8")
     blocks = list(re.finditer(r"^```matlab\n(.*?)^```\n(?:```\n(.*?)^```\n)?", text, re.MULTILINE | re.DOTALL))[first:]
     mark = "-- next block --"
-    code = f"\ndisp('{mark}')\n".join(["", *(match[1] for match in blocks), after])
+    perturb = f"perturb({SEED});\n" if SEED else ""
+    code = f"\ndisp('{mark}')\n".join(["", *(match[1] + perturb for match in blocks), after])
     printed = octave(code).split(mark + "\n")[1:-1]
     assert len(printed) == len(blocks)
     for match, found in zip(blocks, printed):
         if os.environ.get("TOKID_UPDATE_DOCS") == "1":
-            output = f"```\n{found}```\n" if match[2] is not None else ""
+            lines = "".join(line + "\n" for line in anew((match[2] or "").splitlines(), found.splitlines()))
+            output = f"```\n{lines}```\n" if match[2] is not None else ""
             updated = updated.replace(match[0], f"```matlab\n{match[1]}```\n{output}")
             continue
         for shown, now in zip_longest((match[2] or "").splitlines(), found.splitlines(), fillvalue=""):
