@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "linalg/elementary.hpp"
+
 namespace tokid::linalg {
 
 namespace {
@@ -45,7 +47,7 @@ double inverse_root(const Matrix& s, Matrix& w) {
       continue;
     }
     const double root = w(i, i);
-    log_det += 2 * std::log(root);
+    log_det += 2 * log(root);
     for (Index j = 0; j < i; ++j) {
       double sum = 0.0;
       for (Index k = j; k < i; ++k) sum += w(i, k) * w(k, j);
@@ -76,7 +78,7 @@ Matrix bounded_below(const Matrix& s, const Vector& floor, bool* raised) {
 Matrix logarithm(const Matrix& s, const Matrix& w) {
   if (s.size() == 0) return s;
   const auto scaled = linalg::symmetric_eigensystem(w * s * w.transpose());
-  const Vector logs = scaled.values.cwiseMax(std::numeric_limits<double>::min()).array().log();
+  const Vector logs = scaled.values.cwiseMax(std::numeric_limits<double>::min()).unaryExpr(&linalg::log);
   return scaled.vectors * logs.asDiagonal() * scaled.vectors.transpose();
 }
 
@@ -84,7 +86,7 @@ Matrix exponential(const Matrix& log, const Matrix& w_inverse) {
   if (log.size() == 0) return log;
   const auto scaled = linalg::symmetric_eigensystem(log);
   const Matrix vectors = w_inverse * scaled.vectors;
-  return vectors * scaled.values.array().exp().matrix().asDiagonal() * vectors.transpose();
+  return vectors * scaled.values.unaryExpr(&linalg::exp).asDiagonal() * vectors.transpose();
 }
 
 }  // namespace tokid::linalg

@@ -8,6 +8,7 @@
 #include <numbers>
 #include <utility>
 
+#include "linalg/elementary.hpp"
 #include "linalg/simd.hpp"
 #include "model/smoother_covariances.hpp"
 
@@ -408,7 +409,7 @@ void Filter(const LaneStep* steps, size_t count, size_t size, bool smooth, doubl
     hn::Store(volume.exponents, hn::RebindToUnsigned<Tag>(), exponents);
     for (size_t i = 0; i < lanes; ++i)
       log_root[offset + i] =
-          std::log(mantissa[i]) + double(std::int64_t(exponents[i])) * std::numbers::ln2 + invalid[i];
+          linalg::log(mantissa[i]) + double(std::int64_t(exponents[i])) * std::numbers::ln2 + invalid[i];
   }
 }
 

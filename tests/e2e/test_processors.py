@@ -20,6 +20,11 @@ modes exact-model.h5 -o modes.csv
 lqr model.h5 -o controller.h5
 """.strip().splitlines()
 
+# Without fused operations, other versions of exp, log, sin … in glibc differ in the last bit. Modes use them.
+OLD_LIBRARY = {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4"}
+ALIKE_TO_ROUNDING = {"modes.csv"}
+
+
 def files(tokid, folder, **environment):
     folder.mkdir()
     printed = [tokid(*call.split(), cwd=folder, env={**os.environ, **environment}).stdout for call in CALLS]
@@ -41,3 +46,5 @@ def test_every_instruction_set_gives_the_same_bytes(tokid, tmp_path):
     for level in found[:-1]:
         of_level = files(tokid, tmp_path / level, TOKID_SIMD=level)
         assert [name for name in best if of_level[name] != best[name]] == [], level
+    of_library = files(tokid, tmp_path / "library", **OLD_LIBRARY)
+    assert {name for name in best if of_library[name] != best[name]} <= ALIKE_TO_ROUNDING

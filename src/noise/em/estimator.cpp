@@ -7,6 +7,7 @@
 #include <numbers>
 #include <stdexcept>
 
+#include "linalg/elementary.hpp"
 #include "linalg/symmetric.hpp"
 #include "noise/random_walk_lanes.hpp"
 #include "tokid/random_walk.hpp"
@@ -99,8 +100,8 @@ Vector typical(const linalg::MatrixList& moments, Index first, Index size) {
   Vector logs = Vector::Zero(size), count = logs;
   for (size_t s = 0; s < size_t(moments.size()); ++s)
     for (Index i = 0; i < size; ++i)
-      if (const double a = moments[s](first + i, first + i); a > 0) logs(i) += std::log(a), count(i) += 1;
-  return (count.array() > 0).select((logs.array() / count.array().max(1.0)).exp(), 0.0);
+      if (const double a = moments[s](first + i, first + i); a > 0) logs(i) += linalg::log(a), count(i) += 1;
+  return (count.array() > 0).select((logs.array() / count.array().max(1.0)).unaryExpr(&linalg::exp), 0.0);
 }
 
 }  // namespace
@@ -167,7 +168,7 @@ double log_determinants(const Noise& noise, const Vector& counts) {
   const double shape = linalg::inverse_root(noise.shape[0], w), size = double(noise.shape[0].rows());
   double sum = 0.0;
   for (size_t g = 0; g < noise.segment.size(); ++g)
-    sum += counts(Index(g)) * (shape + size * std::log(noise.scale(noise.segment[g])));
+    sum += counts(Index(g)) * (shape + size * linalg::log(noise.scale(noise.segment[g])));
   return sum;
 }
 
@@ -411,8 +412,8 @@ Vector Estimator::coordinates(const Parameters& p) const {
   }
   for (const Matrix& q : p.process.shape) write(linalg::logarithm(q, process));
   for (const Matrix& r : p.measurement.shape) write(linalg::logarithm(r, measurement));
-  write(p.process.scale.array().log().matrix());
-  write(p.measurement.scale.array().log().matrix());
+  write(p.process.scale.unaryExpr(&linalg::log));
+  write(p.measurement.scale.unaryExpr(&linalg::log));
   if (options_.estimate_x0) {
     const Matrix w = whitener_of(x0_prior_);
     write(w * p.x0_mean);
@@ -437,8 +438,8 @@ Parameters Estimator::parameters(const Vector& coordinates, const Parameters& li
   }
   for (Matrix& q : p.process.shape) q = linalg::exponential(read(n_, n_), process);
   for (Matrix& r : p.measurement.shape) r = linalg::exponential(read(m_, m_), measurement);
-  p.process.scale = read(p.process.scale.size(), 1).array().exp();
-  p.measurement.scale = read(p.measurement.scale.size(), 1).array().exp();
+  p.process.scale = read(p.process.scale.size(), 1).unaryExpr(&linalg::exp);
+  p.measurement.scale = read(p.measurement.scale.size(), 1).unaryExpr(&linalg::exp);
   for (Matrix& q : p.process.shape) q = linalg::bounded_below(q, process_floor_ / p.process.scale.minCoeff());
   for (Matrix& r : p.measurement.shape)
     r = linalg::bounded_below(r, measurement_floor_ / p.measurement.scale.minCoeff());
