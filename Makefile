@@ -173,8 +173,7 @@ compare:
 sbom: build
 	@$(python) cmake/sbom.py . build build/tokid.cdx.json
 
-install-# LEVEL: avx2, sse4 or baseline for results as on an older processor
-test:
+install-test:
 	$(call install,$(test_packages))
 	@$(configure) test >/dev/null
 	@cmake --build build
