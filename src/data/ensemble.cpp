@@ -15,8 +15,6 @@
 #include "base/statistics.hpp"
 #include "base/words.hpp"
 #include "data/experiment_names.hpp"
-#include "data/extents.hpp"
-#include "data/scales.hpp"
 
 namespace tokid {
 
@@ -191,36 +189,6 @@ std::string Ensemble::experiment_label(Index n) const {
 }
 
 std::string Ensemble::experiment(Index n) const { return words::experiment(n, experiment_name(n)); }
-
-Index missing_samples(const Ensemble& ensemble) {
-  Index beyond = 0;
-  for (const Index length : lengths(ensemble)) beyond += (ensemble.steps() - length) * ensemble.channels();
-  return ensemble.missing() - beyond;
-}
-
-ChannelSummary channel_summary(const Ensemble& e, Index channel) {
-  ChannelSummary s;
-  // Welford's update needs one pass, without cancellation for channels far from zero.
-  double squares = 0.0;
-  const std::vector<Index> length = lengths(e);
-  for (Index k = 0; k < e.steps(); ++k)
-    for (Index n = 0; n < e.experiments(); ++n) {
-      if (k >= length[static_cast<size_t>(n)]) continue;
-      const double value = e.samples()(n, k * e.channels() + channel);
-      if (std::isnan(value)) {
-        ++s.missing;
-        continue;
-      }
-      if (s.samples++ == 0) s.mean = s.min = s.max = value;
-      const double step = value - s.mean;
-      s.mean += step / double(s.samples);
-      squares += step * (value - s.mean);
-      s.min = std::min(s.min, value);
-      s.max = std::max(s.max, value);
-    }
-  if (s.samples > 0) s.std = spread_above_rounding(std::sqrt(squares / double(s.samples)), s.mean);
-  return s;
-}
 
 void share_phases(Nominal& nominal, Index period) {
   for (Matrix* motion : {&nominal.u, &nominal.y})

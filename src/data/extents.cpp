@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "base/integers.hpp"
+#include "data/scales.hpp"
 #include "data/subjects.hpp"
 
 namespace tokid {
@@ -75,6 +76,36 @@ Findings findings_of_reach(const Ensemble& e, const std::vector<Index>& rows, Ex
     result.push_back(std::move(*one));
   }
   return result;
+}
+
+Index missing_samples(const Ensemble& ensemble) {
+  Index beyond = 0;
+  for (const Index length : lengths(ensemble)) beyond += (ensemble.steps() - length) * ensemble.channels();
+  return ensemble.missing() - beyond;
+}
+
+ChannelSummary channel_summary(const Ensemble& e, Index channel) {
+  ChannelSummary s;
+  // Welford's update needs one pass, without cancellation for channels far from zero.
+  double squares = 0.0;
+  const std::vector<Index> length = lengths(e);
+  for (Index k = 0; k < e.steps(); ++k)
+    for (Index n = 0; n < e.experiments(); ++n) {
+      if (k >= length[static_cast<size_t>(n)]) continue;
+      const double value = e.samples()(n, k * e.channels() + channel);
+      if (std::isnan(value)) {
+        ++s.missing;
+        continue;
+      }
+      if (s.samples++ == 0) s.mean = s.min = s.max = value;
+      const double step = value - s.mean;
+      s.mean += step / double(s.samples);
+      squares += step * (value - s.mean);
+      s.min = std::min(s.min, value);
+      s.max = std::max(s.max, value);
+    }
+  if (s.samples > 0) s.std = spread_above_rounding(std::sqrt(squares / double(s.samples)), s.mean);
+  return s;
 }
 
 }  // namespace tokid
