@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What the tests of the Python package share."""
 
+import functools
 import json
 import os
 import subprocess
@@ -72,6 +73,7 @@ def other_processor(monkeypatch):
     """Outputs of ensembles are perturbed, as perturbation.py says."""
     write, example = _tokid.Ensemble.write_outputs, tokid.example
 
+    @functools.wraps(example)
     def perturbed_example(*arguments, **options):
         data = example(*arguments, **options)
         data.y[...] = perturbed(data.y)

@@ -71,7 +71,7 @@ def blocks_of(text):
 def same(shown, printed):
     """The same words, and numbers alike to 2 %: the last digits, and times, belong to the machine.
 
-    "…" stands for any word: numbers of iterations, for example, depend on rounding errors of the data.
+    "…" stands for any number: numbers of iterations, for example, depend on rounding errors of the data.
     """
     shown, printed = masked(shown, printed)
     if " in " in shown and shown.startswith("Written"):
@@ -84,12 +84,12 @@ def same(shown, printed):
 
 
 def masked(shown, printed):
-    """The line shown, and the printed line with its words as "…" where the page has "…"."""
+    """The line shown, and the printed line with "…" for numbers where the page has "…"."""
     words = shown.split()
-    if "…" not in words or len(words) != len(printed.split()):
+    if "…" not in shown or len(words) != len(printed.split()):
         return shown, printed
     words = iter(words)
-    return shown, re.sub(r"\S+", lambda match: "…" if next(words) == "…" else match[0], printed)
+    return shown, re.sub(r"\S+", lambda match: NUMBER.sub("…", match[0]) if "…" in next(words) else match[0], printed)
 
 
 def anew(shown, printed):
