@@ -95,6 +95,7 @@ void bind_controller(nb::module_& module) {
              return array_of(lqr.controller.input(k, vector_of(x), vector_of(u_last)));
            })
       .def_prop_ro("cost_to_go", [](const Lqr& lqr) { return arrays_of(lqr.cost_to_go.P); })
+      .def("set_cost_to_go", [](Lqr& lqr, const std::vector<AnyArray>& P) { lqr.cost_to_go.P = matrices_of(P); })
       .def("save",
            [](const Lqr& lqr, const Model& model, const std::filesystem::path& path, bool mat73) {
              without_gil([&] {

@@ -20,10 +20,8 @@ def numbers(name: str, values: Any) -> np.ndarray[Any, np.dtype[Any]]:
     ValueError
         If the values are complex numbers, texts or objects.
     """
-    if isinstance(values, np.ma.MaskedArray):
-        values = np.ma.filled(values.astype(np.float64), np.nan)  # masked samples are missing
     try:
-        array = np.asarray(values)
+        array = np.asarray(_unmasked(values))
     except ValueError:  # lists of unequal lengths
         raise ValueError(f"{name}: lists of unequal lengths found, an array of real numbers needed") from None
     if array.dtype.kind not in "fiub":
@@ -32,6 +30,15 @@ def numbers(name: str, values: Any) -> np.ndarray[Any, np.dtype[Any]]:
     if array.dtype.char not in _READ_IN_PLACE or not (array.dtype.isnative and array.flags.aligned and whole):
         array = array.astype(np.float64)
     return array
+
+
+def _unmasked(values: Any) -> Any:
+    """The values with NaN where they are masked: such samples are missing. NumPy would drop masks in lists."""
+    if isinstance(values, (list, tuple)):
+        return [_unmasked(value) for value in values]
+    if isinstance(values, np.ma.MaskedArray):
+        return np.ma.filled(values.astype(np.float64), np.nan) if values.dtype.kind in "fiub" else values.data
+    return values
 
 
 def samples(name: str, values: Any, channels: str) -> tuple[np.ndarray[Any, np.dtype[Any]], bool]:

@@ -3,14 +3,17 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
-from typing import Optional
+from typing import Any, Optional
 
 import numpy as np
 
 from . import _arrays, _options, _tokid
+from ._bytes import bytes_of, from_bytes
 from ._ensemble import Ensemble
 from ._errors import reading, writing
+from ._held import Held
 from ._state_space import StateSpace
 from ._typing import Array, ArrayLike, PathLike
 from ._weights import weights
@@ -74,54 +77,25 @@ class Controller:
             Write a .mat of MATLAB version 7.3.
         """
         with writing(path) as file:
-            self._core.save(self._model._core, file, bool(mat73))
+            self._core.save(self._model._core, file, _options.switch("mat73", mat73))
 
     @property
     def model(self) -> StateSpace:
         """The model that the controller was designed on."""
         return self._model
 
-    @property
-    def begin(self) -> int:
-        """First step."""
-        return self._core.begin
-
-    @property
-    def end(self) -> int:
-        """Step after the last one."""
-        return self._core.end
-
-    @property
-    def K(self) -> Sequence[Array]:
-        """Gains of the state, S arrays (r, n)."""
-        return self._core.K
-
-    @property
-    def L(self) -> Sequence[Array]:
-        """Gains of the last input, S arrays (r, r); empty without input-rate weights."""
-        return self._core.L
-
-    @property
-    def feedforward(self) -> Array:
-        """Inputs (S, r) beside the feedback; zero without references."""
-        return self._core.feedforward
-
-    @property
-    def u_nominal(self) -> Array:
-        """Nominal inputs (S, r) of the model."""
-        return self._core.u_nominal
-
-    @property
-    def y_nominal(self) -> Array:
-        """Nominal outputs (S, m) of the model."""
-        return self._core.y_nominal
-
-    @property
-    def cost_to_go(self) -> Sequence[Array]:
-        """S+1 matrices P: x[k]' P[k] x[k] is the smallest cost from step k on, if the state is known and the
-        references are zero. With input-rate weights, x[k] is followed by the last input. Empty if the controller was
-        read from a file."""
-        return self._core.cost_to_go
+    begin = Held[int]("First step.")
+    end = Held[int]("Step after the last one.")
+    K = Held[Sequence[Array]]("Gains of the state, S arrays (r, n).")
+    L = Held[Sequence[Array]]("Gains of the last input, S arrays (r, r); empty without input-rate weights.")
+    feedforward = Held[Array]("Inputs (S, r) beside the feedback; zero without references.")
+    u_nominal = Held[Array]("Nominal inputs (S, r) of the model.")
+    y_nominal = Held[Array]("Nominal outputs (S, m) of the model.")
+    cost_to_go = Held[Sequence[Array]](
+        "S+1 matrices P: x[k]' P[k] x[k] is the smallest cost from step k on, if the state is known and the references "
+        "are zero. With input-rate weights, x[k] is followed by the last input. Empty if the controller was read from "
+        "a file."
+    )
 
     def input(self, k: int, state: ArrayLike, last_input: Optional[ArrayLike] = None) -> Array:
         """Return the input (r,) of step k.
@@ -214,7 +188,7 @@ class Controller:
             true._core,
             count,
             _options.integer("seed", seed, 0, 2**64 - 1),
-            bool(noise),
+            _options.switch("noise", noise),
             _limit("u_min", u_min, true.inputs),
             _limit("u_max", u_max, true.inputs),
             start,
@@ -227,8 +201,26 @@ class Controller:
                 raise ValueError(f"{name}: {type(given).__name__} found, a tokid.Model needed")
         return model or self._model, truth or self._model
 
+    # A controller does not change, so that a copy is the controller itself, beside a copy of its model
+
+    def __copy__(self) -> Controller:
+        return self
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Controller:
+        return Controller._of(self._core, copy.deepcopy(self._model, memo))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        content = bytes_of(lambda file: self._core.save(self._model._core, file, False))
+        return _restored, (content, self.cost_to_go, self._model)
+
     def __repr__(self) -> str:
         return f"<tokid.Controller: steps {self.begin} to {self.end - 1}, r = {self.u_nominal.shape[1]}>"
+
+
+def _restored(content: bytes, cost_to_go: Sequence[Array], model: StateSpace) -> Controller:
+    core = from_bytes(_tokid.load_controller, content)
+    core.set_cost_to_go(list(cost_to_go))  # no part of the file
+    return Controller._of(core, model)
 
 
 def _limit(name: str, value: Optional[ArrayLike], inputs: int) -> Optional[Array]:

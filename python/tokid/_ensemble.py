@@ -141,7 +141,7 @@ class Ensemble(Channels):
             _options.integer("steps", steps, 0),
             _options.integer("inputs", inputs, 0),
             _options.integer("outputs", outputs, 0),
-            1.0 if dt is None else float(dt),
+            1.0 if dt is None else _options.number("dt", dt),
         )
         core.dt_stated = dt is not None
         describe(
@@ -256,13 +256,17 @@ class Ensemble(Channels):
             Write a .mat of MATLAB version 7.3. Arrays larger than 2 GiB need it.
         """
         with writing(path) as file:
-            _tokid.save_ensemble(self._ready(), file, bool(mat73))
+            _tokid.save_ensemble(self._ready(), file, _options.switch("mat73", mat73))
 
     experiments = Held[int]("Number of experiments N.")
     steps = Held[int]("Number of steps T.")
-    u = Held[Array]("Inputs (N, T, r), a writable view with contiguous experiments.", lambda core, _: core.u())
-    y = Held[Array]("Outputs (N, T, m), a writable view with contiguous experiments.", lambda core, _: core.y())
-    free_y = Held[Optional[Array]]("Free responses (Nf, Tf, m), as a writable view, or None.")
+    u = Held[Array](
+        "Inputs (N, T, r), a writable view with contiguous experiments.", lambda core, _: core.u(), writable=True
+    )
+    y = Held[Array](
+        "Outputs (N, T, m), a writable view with contiguous experiments.", lambda core, _: core.y(), writable=True
+    )
+    free_y = Held[Optional[Array]]("Free responses (Nf, Tf, m), as a writable view, or None.", writable=True)
     dt = Held[float]("Sample time [s].")
     dt_stated = Held[bool]("Whether the user or the data stated `dt`. Otherwise it is 1.")
     length = Held[Optional[IndexArray]](
@@ -274,10 +278,9 @@ class Ensemble(Channels):
     )
     initial_state = Held[Optional[str]]('States at step 0: "zero", "unknown", or None if not stated.')
 
-    @property
-    def time(self) -> Array:
-        """Times (T,) of the steps, from 0 [s]."""
-        return np.arange(self.steps, dtype=np.float64) * self.dt
+    time = Held[Array](
+        "Times (T,) of the steps, from 0 [s].", lambda core, _: np.arange(core.steps, dtype=np.float64) * core.dt
+    )
 
     @property
     def missing(self) -> int:

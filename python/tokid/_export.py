@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from typing import Optional
 
-from . import _tokid
+from . import _options, _tokid
 from ._controller import Controller
 from ._errors import writing
 from ._state_space import StateSpace
@@ -27,6 +27,13 @@ def export_c(
         raise ValueError(f"name: {name!r} found, a text needed")
     core = None if controller is None else controller._core
     with writing(path) as file:
-        found = _tokid.export_c(model._core, file, core, name or "", bool(single_precision), bool(start_from_zero))
+        found = _tokid.export_c(
+            model._core,
+            file,
+            core,
+            _options.text("name", name),
+            _options.switch("single_precision", single_precision),
+            _options.switch("start_from_zero", start_from_zero),
+        )
     prefix, tables, state, steps, step, missing, control = found
     return ExportedCode(prefix, tables, state, steps, Operations(*step), Operations(*missing), Operations(*control))

@@ -160,6 +160,8 @@ def identify(
     <tokid.Model: n = 4 states, r = 2 inputs, m = 2 outputs, steps 0 to 39, dt = 0.05 s>
     """
     options = _identify_options.checked(_identify_options.among(locals()))
+    if on_model is not None and not callable(on_model):
+        raise ValueError(f"on_model: {on_model!r} found, a function needed")
     described = {
         "length": length,
         "free_y": free_y,
@@ -179,7 +181,7 @@ def identify(
             options,
             _options.threads(threads),
             listening,
-            bool(keep_state),
+            _options.switch("keep_state", keep_state),
             report,
             _options.page("model", "data", 10, 24),
             None if on_model is None else lambda first: on_model(Model._of(first)),
@@ -308,7 +310,7 @@ def identify_file(
             checked,
             block=steps,
             memory_per_thread=_options.real("memory_per_thread", memory_per_thread, 1.0),
-            resume=bool(resume),
+            resume=_options.switch("resume", resume),
             threads=_options.threads(threads),
             listener=listening,
         )

@@ -52,5 +52,7 @@ def checked(options: IdentifyOptions) -> _tokid.IdentifyOptions:
             result.set(key, value)
     choices = get("choices")
     if choices is not None:
+        if not isinstance(choices, NoisyChoices):
+            raise ValueError(f"choices: {type(choices).__name__} found, the choices of an identification needed")
         result.follow(choices)
     return result

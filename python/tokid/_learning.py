@@ -23,8 +23,9 @@ class LiftedMap:
     channels of one step side by side.
     """
 
-    __slots__ = ("_core", "__weakref__")
+    __slots__ = ("_core", "_model", "__weakref__")
     _core: _tokid.LiftedMap
+    _model: StateSpace
 
     dtype = np.dtype(np.float64)
 
@@ -34,6 +35,7 @@ class LiftedMap:
     @classmethod
     def _of(cls, model: StateSpace, begin: Optional[int], end: Optional[int]) -> LiftedMap:
         self = cls.__new__(cls)
+        self._model = model
         self._core = _tokid.LiftedMap(model._core, _options.step("begin", begin), _options.step("end", end))
         return self
 
@@ -73,6 +75,9 @@ class LiftedMap:
         """Return the product of the transposed map with a vector (S m,)."""
         return np.asarray(self.transposed_product(np.reshape(y, (self.steps, -1)))).ravel()
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return LiftedMap._of, (self._model, self.begin, self.begin + self.steps)
+
     def __repr__(self) -> str:
         return f"<tokid.LiftedMap: steps {self.begin} to {self.begin + self.steps - 1}, shape {self.shape}>"
 
@@ -101,9 +106,11 @@ def learn(
     ]
     found = LearnedRun(*_tokid.learn(model._core, wanted, *last, *costs))
     limits = [_limit("u_min", u_min, -np.inf, last[0].shape), _limit("u_max", u_max, np.inf, last[0].shape)]
-    for name, limit in zip(("u_min", "u_max"), limits):
+    for name, limit, never in zip(("u_min", "u_max"), limits, (np.inf, -np.inf)):
         if np.any(np.isnan(limit)):
             raise ValueError(f"{name}: NaN found, numbers needed")
+        if np.any(limit == never):
+            raise ValueError(f"{name}: {never} found, which no input satisfies, numbers needed")
     if np.any(limits[0] > limits[1]):
         raise ValueError("u_min: a limit above u_max found, limits up to u_max needed")
     part = slice(model.k_begin, steps if model.period else min(steps, model.k_end))  # steps with a model

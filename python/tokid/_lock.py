@@ -3,10 +3,11 @@
 
 from __future__ import annotations
 
+import math
 import os
 from typing import Any, Optional
 
-from . import _tokid
+from . import _options, _tokid
 from ._errors import warn, writing
 from ._typing import PathLike
 
@@ -44,7 +45,7 @@ class FileLock:
         with writing(path) as file:
             self._path = file
             self._core: Optional[_tokid.FileLock] = _tokid.FileLock.take(
-                file, limit=float(wait), waits=lambda text: warn([text])
+                file, limit=_options.real("wait", wait, 0.0, math.inf), waits=lambda text: warn([text])
             )
 
     def release(self) -> None:
@@ -56,6 +57,9 @@ class FileLock:
 
     def __exit__(self, *unused: Any) -> None:
         self.release()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        raise TypeError("a lock has one holder, so it can't be copied or pickled")
 
     def __fspath__(self) -> str:
         return self._path

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import copy
 import os
-import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
@@ -26,6 +25,7 @@ from . import (
     _options,
     _tokid,
 )
+from ._bytes import bytes_of, from_bytes
 from ._controller import Controller
 from ._ensemble import Ensemble
 from ._errors import reading, warn, writing
@@ -197,7 +197,7 @@ class Model(StateSpace):
         core.state_dim = [a.shape[1] for a in lists["A"]] + [lists["A"][-1].shape[0]]
         for name, matrices in lists.items():
             core.set_matrices(name, matrices)
-        core.dt = float(dt)
+        core.dt = _options.number("dt", dt)
         core.k_begin = _options.integer("k_begin", k_begin, 0)
         core.period = _options.period(period)
         core.method = "known"
@@ -238,7 +238,7 @@ class Model(StateSpace):
             Write a .mat of MATLAB version 7.3.
         """
         with writing(path) as file:
-            _tokid.save_model(self._core, file, bool(mat73))
+            _tokid.save_model(self._core, file, _options.switch("mat73", mat73))
 
     # Evidence
 
@@ -316,6 +316,7 @@ class Model(StateSpace):
         TokidWarning
             If the initial states are unknown and not given, or if no step has outputs.
         """
+        _options.switch("estimate_state", estimate_state)
         if y is not None and not estimate_state:
             raise ValueError("y: found, but only estimate_state=True uses measured outputs")
         data, single = self._data(u, y, outputs=estimate_state)
@@ -520,8 +521,8 @@ class Model(StateSpace):
                 iterations=_options.integer("iterations", iterations, 1, 1_000_000),
                 tolerance=_options.real("tolerance", tolerance, 0.0),
                 initial_state=_options.initial_state(initial_state),
-                accelerate=bool(accelerate),
-                warm_up=bool(warm_up),
+                accelerate=_options.switch("accelerate", accelerate),
+                warm_up=_options.switch("warm_up", warm_up),
                 threads=_options.threads(threads),
                 listener=listening,
             )
@@ -709,6 +710,8 @@ class Model(StateSpace):
         -------
         Modes
         """
+        if u is None and y is not None:
+            raise ValueError("u: none found, the inputs beside y needed")
         data = None if u is None else self._data(u, y, outputs=True)[0]
         for name, value in (("level", level), ("replicates", replicates), ("seed", seed)):
             if data is None and value is not None:
@@ -765,7 +768,7 @@ class Model(StateSpace):
         window : int or "auto"
             As in `modes`.
         """
-        wanted = np.atleast_1d(np.asarray(frequencies, dtype=float)).ravel()
+        wanted = np.atleast_1d(_arrays.numbers("frequencies", frequencies)).ravel().astype(np.float64)
         if not np.isfinite(wanted).all():
             raise ValueError("frequencies: NaN or infinity found, finite numbers needed")
         frozen = self.frozen(step, window=window)
@@ -1404,11 +1407,7 @@ class UpdateState:
         return self
 
     def __reduce__(self) -> tuple[Any, ...]:
-        with tempfile.TemporaryDirectory() as directory:
-            file = os.path.join(directory, "state.npz")
-            self._core.save(file)
-            with open(file, "rb") as stream:
-                return _restored_state, (stream.read(),)
+        return _restored_state, (bytes_of(self._core.save),)
 
     def __repr__(self) -> str:
         core = self._core
@@ -1419,11 +1418,7 @@ class UpdateState:
 
 
 def _restored_state(content: bytes) -> UpdateState:
-    with tempfile.TemporaryDirectory() as directory:
-        file = os.path.join(directory, "state.npz")
-        with open(file, "wb") as stream:
-            stream.write(content)
-        return UpdateState._of(_tokid.load_update_state(file))
+    return UpdateState._of(from_bytes(_tokid.load_update_state, content))
 
 
 def identified(core: _tokid.UpdateState, added: Optional[Additions], threads: int, listening: Any) -> Model:

@@ -8,6 +8,7 @@ from typing import Any, Optional
 import numpy as np
 
 from . import _arrays, _options, _tokid
+from ._held import Held
 from ._state_space import StateSpace
 from ._typing import Array, ArrayLike
 from .results import Observation
@@ -51,24 +52,19 @@ class Observer:
         self._inputs, self._outputs = model.inputs, model.outputs
         square = None if input_square is None else _arrays.shaped("input_square", input_square, (model.inputs,))
         self._core = _tokid.OnlineObserver(
-            model._core, _options.initial_state(initial_state), bool(initial_estimate), bool(samples_missing), square
+            model._core,
+            _options.initial_state(initial_state),
+            _options.switch("initial_estimate", initial_estimate),
+            _options.switch("samples_missing", samples_missing),
+            square,
         )
         return self
 
-    @property
-    def k(self) -> int:
-        """The next step."""
-        return self._core.k
-
-    @property
-    def knows_state(self) -> bool:
-        """Is the state known? An unknown state is estimated from the samples of some steps."""
-        return self._core.knows_state
-
-    @property
-    def state(self) -> Array:
-        """The state (n,) at step k, predicted from the samples before step k. NaN where it is not known."""
-        return self._core.state
+    k = Held[int]("The next step.")
+    knows_state = Held[bool]("Is the state known? An unknown state is estimated from the samples of some steps.")
+    state = Held[Array](
+        "The state (n,) at step k, predicted from the samples before step k. NaN where it is not known."
+    )
 
     def step(self, u: ArrayLike, y: ArrayLike) -> Observation:
         """Advance from step k to step k+1.
@@ -76,7 +72,7 @@ class Observer:
         Parameters
         ----------
         u, y : array_like, shapes (r,), (m,)
-            Inputs and outputs of step k. NaN marks a missing sample.
+            Inputs and outputs of step k. NaN or a mask marks a missing sample.
 
         Returns
         -------
@@ -110,12 +106,18 @@ class Observer:
         """Go back to step 0."""
         self._core.reset()
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        raise TypeError(
+            "an observer that runs can't be copied or pickled. Make another one with tokid.Model.observer, and step it "
+            "through the same samples"
+        )
+
     def __repr__(self) -> str:
         return f"<tokid.Observer: step {self.k}, state {'known' if self.knows_state else 'not known'}>"
 
 
 def _sample(name: str, values: ArrayLike, size: int) -> Any:
-    array = _arrays.numbers(name, np.atleast_1d(np.asarray(values, dtype=np.float64)))
+    array = np.atleast_1d(_arrays.numbers(name, values))
     if array.shape != (size,):
         raise ValueError(f"{name}: shape {np.shape(values)} found, ({size},) needed")
     return array

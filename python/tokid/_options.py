@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 import numbers
+import sys
 from collections.abc import Mapping
 from typing import Any, Optional, TypeVar
 
@@ -40,12 +41,35 @@ def count_or_auto(name: str, value: Any) -> int:
     return 0 if isinstance(value, str) and value == "auto" else integer(name, value, 1, None, " or 'auto'")
 
 
-def real(name: str, value: Any, smallest: float, largest: float = math.inf, or_else: str = "") -> float:
-    """A number in a range, not NaN."""
-    wanted = f"a number from {smallest:g} {'on' if largest == math.inf else f'to {largest:g}'}{or_else}"
+def number(name: str, value: Any) -> float:
+    """A number. An array without axes is one, too, because files of NumPy hold numbers as such arrays."""
+    if isinstance(value, np.ndarray) and value.ndim == 0:
+        value = value[()]
+    if isinstance(value, bool) or not isinstance(value, numbers.Real):
+        raise ValueError(f"{name}: {value!r} found, a number needed")
+    return float(value)
+
+
+def switch(name: str, value: Any, or_else: str = "") -> bool:
+    """True or False. A text such as "no" would count as true."""
+    if not isinstance(value, (bool, np.bool_)):
+        raise ValueError(f"{name}: {value!r} found, True or False{or_else} needed")
+    return bool(value)
+
+
+def real(name: str, value: Any, smallest: float, largest: float = sys.float_info.max, or_else: str = "") -> float:
+    """A number in a range, not NaN. Infinity is no number, unless it is the largest one."""
+    wanted = f"a number from {smallest:g} {'on' if largest >= sys.float_info.max else f'to {largest:g}'}{or_else}"
     if isinstance(value, bool) or not isinstance(value, numbers.Real) or not smallest <= float(value) <= largest:
         raise ValueError(f"{name}: {value!r} found, {wanted} needed")
     return float(value)
+
+
+def text(name: str, value: Any) -> str:
+    """A text that is not empty, or "" for None."""
+    if value is not None and (not isinstance(value, str) or not value):
+        raise ValueError(f"{name}: {value!r} found, a text needed")
+    return value or ""
 
 
 def smoothing(value: Any) -> Optional[float]:
@@ -55,7 +79,7 @@ def smoothing(value: Any) -> Optional[float]:
             return None
         if value in ("infinity", "inf"):
             return math.inf
-    return real("smoothing", value, 0.0, or_else=", 'infinity' or 'auto'")
+    return real("smoothing", value, 0.0, math.inf, ", 'infinity' or 'auto'")
 
 
 def feedthrough(value: Any) -> Optional[bool]:

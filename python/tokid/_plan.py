@@ -8,11 +8,12 @@ from typing import Optional, Union
 
 import numpy as np
 
-from . import _options, _tokid
+from . import _arrays, _options, _tokid
 from ._ensemble import Ensemble
 from ._errors import warn
 from ._model import Model
 from ._progress import listener
+from ._samples import one_or_more
 from ._typing import Progress
 from .results import Plan
 
@@ -102,6 +103,8 @@ def plan(
     >>> plan.experiments, plan.u.shape
     (15, (15, 40, 2))
     """
+    if model is not None and not isinstance(model, Model):
+        raise ValueError(f"model: {type(model).__name__} found, a tokid.Model needed")
     most = 1_000_000
     options = _tokid.PlanOptions()
     for name, value in (("states", states), ("inputs", inputs), ("outputs", outputs), ("steps", steps)):
@@ -112,23 +115,23 @@ def plan(
     options.lags = _options.count_or_auto("lags", lags)
     options.experiments = _options.count_or_auto("experiments", experiments)
     options.kind = _options.choice("kind", kind, _KINDS)
-    limits = [amplitude] if np.ndim(amplitude) == 0 else list(np.asarray(amplitude).ravel())
-    options.amplitude = [_options.real("amplitude", float(a), 5e-324) for a in limits]  # type: ignore[arg-type]
+    limits = np.atleast_1d(_arrays.numbers("amplitude", amplitude)).ravel()
+    options.amplitude = [_options.real("amplitude", float(a), 5e-324) for a in limits]
     if noise is not None:
         if len(noise) != 2:
             raise ValueError(f"noise: {noise!r} found, two standard deviations needed, such as (0.01, 0.1)")
         options.noise = (_options.real("noise", noise[0], 0.0), _options.real("noise", noise[1], 0.0))
     if initial_state is not None:
         options.initial_state = _options.known_initial_state(initial_state)
-    options.nominal = bool(nominal)
+    options.nominal = _options.switch("nominal", nominal)
     options.excess = _options.real("excess", excess, 0.0)
     options.markov_error = _options.real("markov_error", markov_error, 0.0)
     options.white_condition = _options.real("white_condition", white_condition, 1.0)
     options.hold = _options.count_or_auto("hold", hold)
     options.iterations = _options.integer("iterations", iterations, 1, most)
     options.dt = 0.0 if dt is None else _options.real("dt", dt, 5e-324)
-    options.input_names = list(input_names or [])
-    options.input_units = list(input_units or [])
+    options.input_names = one_or_more(input_names)
+    options.input_units = one_or_more(input_units)
     options.seed = _options.integer("seed", seed, 0, 2**64 - 1)
     with listener(progress, "plan") as listening:
         made, fields = _tokid.plan(

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any, Callable, Optional
 
+from ._options import switch
 from ._typing import Progress, ProgressShare
 
 # It gets the finished share, the stage and the expected time left [s], None if that is not known.
@@ -19,7 +20,7 @@ def listener(progress: Progress, what: str) -> Iterator[Listener]:
     """The function that gets the progress: a bar of tqdm, a line on stderr, or the callable of the user."""
     if callable(progress):
         yield lambda share, stage, left: progress(ProgressShare._of(share, stage, left))
-    elif not progress:
+    elif not switch("progress", progress, " or a function"):
         yield None
     else:
         bar = _bar(what)

@@ -49,14 +49,14 @@ def read_options(
     options = _tokid.ReadOptions()
     options.inputs = one_or_more(inputs)
     options.outputs = one_or_more(outputs)
-    options.outputs_required = bool(outputs_required)
-    options.time = time or ""
-    options.experiment = experiment_column or ""
+    options.outputs_required = _options.switch("outputs_required", outputs_required)
+    options.time = _options.text("time", time)
+    options.experiment = _options.text("experiment_column", experiment_column)
     options.missing = one_or_more(missing)
     if dates is not None:
         options.dates = _options.choice("dates", dates, DATES)
     options.dt = None if dt is None else _options.real("dt", dt, 0.0)
-    options.trigger = trigger or ""
+    options.trigger = _options.text("trigger", trigger)
     options.before = _options.integer("before", before, 0)
     options.resample = None if resample is None else _options.real("resample", resample, 0.0)
     options.resample_method = _options.choice("resample_method", resample_method, METHODS)

@@ -77,7 +77,7 @@ def core_of(
         shape[1],
         0 if inputs is None else inputs.shape[2],
         0 if outputs is None else outputs.shape[2],
-        1.0 if dt is None else float(dt),
+        1.0 if dt is None else _options.number("dt", dt),
         True,
     )
     core.dt_stated = dt is not None
@@ -104,7 +104,7 @@ def _core_of_runs(u: Any, y: Any, dt: Optional[float]) -> _tokid.Ensemble:
         max(lengths),
         inputs[0].shape[1] if inputs else 0,
         outputs[0].shape[1] if outputs else 0,
-        1.0 if dt is None else float(dt),
+        1.0 if dt is None else _options.number("dt", dt),
     )
     core.dt_stated = dt is not None
     for samples, experiments in ((core.u(), inputs), (core.y(), outputs)):

@@ -13,7 +13,7 @@ from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from . import _arrays, _options, _tokid
 from ._channels import Channels
-from ._held import Held
+from ._held import Held, read_only
 from ._typing import Array, ArrayLike, ComplexArray, IndexArray
 
 
@@ -161,7 +161,8 @@ class Step:
         """The closed loop A + G C of the observer."""
         if self.G is None:
             raise ValueError("the model has no observer gains G")
-        return self.A + self.G @ self.C
+        closed_loop: Array = read_only(self.A + self.G @ self.C)
+        return closed_loop
 
 
 LISTS = ("A", "B", "C", "D", "G", "innovation_cov", "Q", "R", "K")
@@ -200,7 +201,7 @@ def _array_or_none(core: _tokid.Model, name: str) -> Optional[Array]:
     return array if array.size else None
 
 
-def _singular_values(core: _tokid.Model, _: str) -> list[Array]:
+def _singular_values(core: _tokid.Model, _: str) -> Sequence[Array]:
     return [core.singular_values(s) for s in range(core.singular_values_count())]
 
 
@@ -256,10 +257,10 @@ class StateSpace(Channels):
     options = Held("Options and choices of the identification, as in the files; {} if not known.", _options_of)
     version = Held[str]("Version of the program that made the model.")
 
-    @property
-    def time(self) -> Array:
-        """Times (S,) of the steps of the model [s]."""
-        return np.arange(self.k_begin, self.k_end, dtype=np.float64) * self.dt
+    time = Held[Array](
+        "Times (S,) of the steps of the model [s].",
+        lambda core, _: np.arange(core.k_begin, core.k_begin + core.steps, dtype=np.float64) * core.dt,
+    )
 
     def at(self, k: int) -> Step:
         """Return the model of step k. A model with a period continues after its last step.

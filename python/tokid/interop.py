@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal, Optional, Union, overload
 
 import numpy as np
 
-from . import _arrays, _dataframe
+from . import _arrays, _dataframe, _options
 from ._ensemble import Ensemble
 from ._model import Model
 from ._typing import Array, ArrayLike
@@ -131,7 +131,7 @@ def _matrices_of(system: Any, name: str) -> tuple[Array, Array, Array, Array]:
 
 def _sample_time(system: Any) -> Optional[float]:
     dt = getattr(system, "dt", None)
-    return None if dt is None or dt is True else float(dt)
+    return None if dt is None or dt is True else _options.number("dt", dt)
 
 
 @overload
@@ -354,5 +354,5 @@ def dataframe_of(samples: ArrayLike, names: Sequence[str], *, dt: float = 1.0) -
     if isinstance(names, str) or len(names) != array.shape[2]:
         raise ValueError(f"names: {names!r} found, a list of {array.shape[2]} texts needed")
     columns = [([str(name) for name in names], _contiguous(array))]
-    table: pandas.DataFrame = _dataframe.tidy(float(dt), np.arange(array.shape[0]), columns)
+    table: pandas.DataFrame = _dataframe.tidy(_options.number("dt", dt), np.arange(array.shape[0]), columns)
     return table

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from . import _display
 from ._ensemble import Ensemble
+from ._held import read_only
 from ._samples import plural
 from ._summary import ChannelSummary as ChannelSummary
 from ._typing import Array, ComplexArray, PathLike
@@ -1388,12 +1389,13 @@ class Modes(_Found):
     @property
     def steps(self) -> npt.NDArray[np.int_]:
         """The step of each row, shape (S,)."""
-        return self.begin + np.arange(len(self.poles))
+        steps: npt.NDArray[np.int_] = read_only(self.begin + np.arange(len(self.poles)))
+        return steps
 
     @property
     def time(self) -> Array:
         """The time of each row [s], shape (S,)."""
-        time: Array = np.multiply(self.steps, self.dt, dtype=np.float64)
+        time: Array = read_only(np.multiply(self.steps, self.dt, dtype=np.float64))
         return time
 
 

@@ -23,6 +23,7 @@ Examples
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Optional, Union
@@ -176,7 +177,7 @@ class GtvArx(_Value):
         self._set("output_rms", _numbers("output_rms", output_rms, (steps, m)))
         shapes = None if noise_shape is None else _numbers("noise_shape", noise_shape, (steps, width, None), "T, L, q")
         self._set("noise_shape", shapes)
-        self._set("feedthrough", bool(feedthrough))
+        self._set("feedthrough", _options.switch("feedthrough", feedthrough))
         self._set("condition", None if condition is None else _numbers("condition", condition, (steps,)))
         for name, counts in (("rank", rank), ("rows", rows), ("freedom", freedom)):
             self._set(name, None if counts is None else _integers(name, counts, steps))
@@ -484,9 +485,9 @@ def gtv_arx(
         **_tokid.stage_gtv_arx(
             core,
             [_options.integer("lags", p, 1, max(1, core.steps - 1)) for p in orders],
-            bool(feedthrough),
+            _options.switch("feedthrough", feedthrough),
             _options.real("tolerance", tolerance, 0.0),
-            bool(noise_shape),
+            _options.switch("noise_shape", noise_shape),
             _options.integer("spent", spent, 0),
             _options.threads(threads),
         )
@@ -530,9 +531,9 @@ def smooth_arx(
         **_tokid.stage_smooth_arx(
             core,
             _options.integer("lags", lags, 1, max(1, core.steps - 1)),
-            _options.real("smoothing", smoothing, 0.0),
+            _options.real("smoothing", smoothing, 0.0, math.inf),
             _options.period(period),
-            bool(feedthrough),
+            _options.switch("feedthrough", feedthrough),
             _options.threads(threads),
         )
     )
@@ -738,11 +739,11 @@ def subspace(
             _options.count_or_auto("states", states),
             _options.count_or_auto("future", future),
             _options.choice("weighting", weighting, _WEIGHTINGS),
-            _options.real("smoothing", smoothing, 0.0),
+            _options.real("smoothing", smoothing, 0.0, math.inf),
             _options.period(period),
-            -1.0 if automatic else _options.real("state_smoothing", state_smoothing, 0.0, or_else=" or 'auto'"),
+            -1.0 if automatic else _options.real("state_smoothing", state_smoothing, 0.0, math.inf, " or 'auto'"),
             weights,
-            bool(noisy),
+            _options.switch("noisy", noisy),
             _options.threads(threads),
         )
     )
@@ -825,15 +826,15 @@ def refine(
     core, fields = _tokid.stage_refine(
         model._core,
         _samples(data),
-        _options.real("smoothing", smoothing, 0.0),
+        _options.real("smoothing", smoothing, 0.0, math.inf),
         None if period is None else _options.period(period),
         _options.integer("iterations", iterations, 1, 1_000_000),
         _options.real("tolerance", tolerance, 0.0),
-        bool(feedthrough),
+        _options.switch("feedthrough", feedthrough),
         [_options.integer("jumps", k, 0) for k in jumps],
-        bool(estimate_matrices),
-        bool(accelerate),
-        bool(warm_up),
+        _options.switch("estimate_matrices", estimate_matrices),
+        _options.switch("accelerate", accelerate),
+        _options.switch("warm_up", warm_up),
         _options.threads(threads),
     )
     warn(finding.text for finding in fields["findings"])

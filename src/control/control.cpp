@@ -535,6 +535,9 @@ void check_limits(const Vector& u_min, const Vector& u_max, Index inputs) {
       throw std::invalid_argument(
           fmt::format("{}: {} numbers found, one for each of {} inputs needed", name, limit->size(), inputs));
     if (limit->hasNaN()) throw std::invalid_argument(fmt::format("{}: NaN found, numbers needed", name));
+    const double never = (limit == &u_min ? 1 : -1) * std::numeric_limits<double>::infinity();
+    if ((limit->array() == never).any())
+      throw std::invalid_argument(fmt::format("{}: {} found, which no input satisfies, numbers needed", name, never));
   }
   if (u_min.size() > 0 && u_max.size() > 0 && (u_min.array() > u_max.array()).any())
     throw std::invalid_argument("u_min: a limit above u_max found, limits up to u_max needed");
