@@ -375,6 +375,8 @@ Identification identified(const Ensemble& used, const Vector& weights, const Mea
   result.model = measured_model(std::move(realisation.model), prepared);
   append(findings, findings_of_free_responses(data.free, result.plan));
   append(findings, findings_of_absent_states(result.model));
+  Findings of_states = findings_of_states(result.model, data, result.plan, regressed_from, options);
+  prepared.data = {};  // frees memory for what follows
   ValidateOptions validation;
   validation.initial_state = result.plan.initial_state;
   const Course course = !result.plan.noisy ? Course::exact : result.plan.coupled ? course_of(options) : Course::noisy;
@@ -387,7 +389,7 @@ Identification identified(const Ensemble& used, const Vector& weights, const Mea
     result.outliers = std::move(found.outliers);
     validation.misfits = std::move(found.labels);
   }
-  append(findings, findings_of_states(result.model, data, result.plan, regressed_from, options));
+  append(findings, std::move(of_states));
 
   result.model = framed(std::move(result.model), result.plan, findings);
 
@@ -404,7 +406,6 @@ Identification identified(const Ensemble& used, const Vector& weights, const Mea
   if (validating) {
     const Execution execution = in_stage(options.execution, WorkStage::validation, course);
     if (execution.progress) execution.progress({});
-    prepared.data = {};  // frees memory for the validation
     result.validation =
         validated(result.model, training, holding_out ? &parts.held_out : nullptr, measured, validation);
     append(findings, result.validation.findings);

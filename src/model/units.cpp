@@ -43,7 +43,8 @@ Ensemble in_units(Ensemble e, const Units& units) {
 }
 
 Model out_of_units(Model model, const Units& units) {
-  const std::vector<Step> before = model.step;
+  // Only the steps of a period share numbers, and copies of other steps would double the memory of a model.
+  const std::vector<Step> before = model.period > 0 ? model.step : std::vector<Step>();
   const size_t period = size_t(model.period);
   for (size_t s = 0; s < model.step.size(); ++s)
     if (period > 0 && s >= period && before[s] == before[s - period])
