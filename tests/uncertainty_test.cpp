@@ -344,6 +344,11 @@ TEST(Confidence, OtherDataAreRefusedOrRemarkedOn) {
   EXPECT_EQ(confidence(c.found.model, experiments(oscillator(20), o)).findings.size(), 1U);
   EXPECT_THROW(confidence(c.found.model, experiments(oscillator(21), o)), std::invalid_argument);
   EXPECT_THROW(confidence(oscillator(20), c.data), std::invalid_argument);  // was not identified
+  Model unknown = cut(c.found.model, c.found.model.k_begin, c.found.model.k_begin + 1);
+  unknown.initial_state = InitialState::unknown;
+  const Ensemble one(60, unknown.k_end(), c.data.inputs(), c.data.outputs());
+  const auto refusal = message([&] { confidence(unknown, one, {.method = BoundsMethod::factors}); });
+  EXPECT_NE(refusal.find("found in the data, more than the lag order"), std::string::npos) << refusal;
   EXPECT_THROW(confidence(c.found.model, Ensemble(60, 20, 1, 2)), std::invalid_argument);
 }
 

@@ -104,6 +104,10 @@ class Bounds {
     o.spent = with_nominal() ? 1 : 0;
     o.execution = share(0.0, 0.1);
     const GtvArx arx = gtv_arx(departing_, o);
+    if (arx.k_begin >= arx.steps())
+      throw std::invalid_argument(fmt::format(
+          "steps: {} found in the data, more than the lag order {} needed, because the initial states are unknown",
+          arx.steps(), model_.max_lags()));
     summarise(arx);
     result_.markov = markov_bounds(arx, band_, {options_.level, share(0.1, 0.2)});
     result_.simulated = simulation_bounds(arx, departing_, {options_.level, false, share(0.2, 0.8)});
