@@ -10,7 +10,7 @@
 #include "tokid/example.hpp"
 #include "tokid/identify.hpp"
 
-namespace tokid::testing {
+namespace tokid::testing::invariance {
 namespace {
 
 struct Case {
@@ -129,4 +129,4 @@ TEST(ContentOrder, ComparesSamplesWhereSumsAreEqual) {
 }
 
 }  // namespace
-}  // namespace tokid::testing
+}  // namespace tokid::testing::invariance
