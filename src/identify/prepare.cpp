@@ -6,7 +6,6 @@
 #include <utility>
 
 #include "choose/regression.hpp"
-#include "data/content_order.hpp"
 #include "tokid/corrections.hpp"
 
 namespace tokid {
@@ -45,11 +44,9 @@ void remove_nominal(const Vector& weights, Index period, Prepared& result) {
 
 }  // namespace
 
-Prepared prepare(const Ensemble& measured, const Vector& measured_weights, const IdentifyOptions& options) {
-  const std::vector<Index> order = content_order(measured);
-  const Vector weights = measured_weights(order);
+Prepared prepare(const Ensemble& measured, const Vector& weights, const IdentifyOptions& options) {
   Prepared result;
-  result.data = measured.subset(order);
+  result.data = measured;
   if (removes_nominal(result.data, options, result.nominal_test)) remove_nominal(weights, options.period, result);
   if (weights.minCoeff() < 1) result.data = weighted(std::move(result.data), weights);
   result.units = units_of(result.data);

@@ -12,8 +12,7 @@ namespace tokid {
 struct Prepared {
   NominalTest nominal_test;        // filled if the choice was automatic
   std::optional<Nominal> nominal;  // the mean motion that was removed, in the units of the measurement
-  // The weighted departures in `units`, in the order of content_order(). Their scale and the order of the measured
-  // experiments therefore change no bit of a model.
+  // The weighted departures in `units`. Powers of two in the units of the channels therefore change no bit of a model.
   Ensemble data;
   Units units;
   Findings findings;
