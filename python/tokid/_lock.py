@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from typing import Any, Optional
 
@@ -45,7 +44,7 @@ class FileLock:
         with writing(path) as file:
             self._path = file
             self._core: Optional[_tokid.FileLock] = _tokid.FileLock.take(
-                file, limit=_options.real("wait", wait, 0.0, math.inf), waits=lambda text: warn([text])
+                file, limit=_options.number("wait", wait), waits=lambda text: warn([text])
             )
 
     def release(self) -> None:
