@@ -113,7 +113,7 @@ Model random_model(Dice& dice, Random& random) {
 
 // Breaks one rule of Model::check(). A file can hold the result.
 void damage(Model& model, Dice& dice, Random& random) {
-  const Index n = model.n(model.k_begin), last = model.n(model.k_end()), m = model.outputs, r = model.inputs;
+  const Index n = model.n(model.k_begin), m = model.outputs, r = model.inputs;
   Step& end = model.step.back();
   switch (dice.below(8)) {
     case 0:
@@ -142,15 +142,14 @@ void damage(Model& model, Dice& dice, Random& random) {
       break;
     default:  // other states at the end of a period than at its begin
       model.period = 1 + dice.below(model.steps());
-      const Index other = model.n(model.k_end() - model.period) + (dice.one_in(2) || last == 0 ? 1 : -1);
-      Step next(end.states(), std::max<Index>(0, other), r, m);
+      const Index begin = model.n(model.k_end() - model.period);
+      Step next(end.states(), begin > 0 && dice.one_in(2) ? begin - 1 : begin + 1, r, m);
       next.C() = end.C();
-      if (end.next_states() == next.next_states()) model.period = -1;
       next.take_diagnostics_of(end);
       if (end.has_Q()) next.set_Q(Matrix::Identity(next.next_states(), next.next_states()));
       if (end.has_R()) next.set_R(end.R());
       if (end.has_K()) next.set_K(end.K());
-      if (model.period > 0) end = next;
+      end = next;
   }
 }
 
@@ -252,7 +251,7 @@ std::string replaced(std::string line, const std::map<std::string, std::string>&
 
 // What the library says of computations that fail.
 bool documented(const std::string& complaint) {
-  for (const char* known : {"no finite likelihood", "the model is not finite"})
+  for (const char* known : {"no finite likelihood", "EM has diverged", "the model is not finite"})
     if (complaint.find(known) != std::string::npos) return true;
   return false;
 }
