@@ -551,8 +551,8 @@ TEST_F(Shapes, ModelFieldsAreChecked) {
   expect_words(error_with("singular_values", ramp({2, 2})), {"'singular_values'", "(2, 2)"});
   expect_words(error_with("Q", ramp({3, 1, 1})), {"'Q'", "1 x 1", "2 x 2"});
   expect_words(error_with("x0_mean", ramp({3})), {"'x0_mean'", "(3)", "(2)"});
-  expect_words(error_with("x0_cov", ramp({2, 3})), {"'x0_cov'", "(2, 3)", "(2, 2)"});
-  expect_words(error_with("u_nominal", ramp({3, 2})), {"'u_nominal'", "(3, 2)"});
+  expect_words(error_with("x0_cov", ramp({2, 3})), {"x0_cov", "2 x 3", "2 x 2"});
+  expect_words(error_with("u_nominal", ramp({3, 2})), {"u_nominal", "3 x 2"});
 }
 
 TEST_F(Shapes, EnsemblesAndModelsAreToldApart) {

@@ -113,11 +113,13 @@ void Model::check() const {
     throw std::invalid_argument(
         fmt::format("model: {} states found after step {}, {} needed: those of step {}, a period of {} steps before",
                     n(k_end()), k_end() - 1, n(k_end() - period), k_end() - period, period));
-  if (const Index n0 = n(k_begin); (x0_mean.size() > 0 && x0_mean.size() != n0) ||
-                                   (x0_cov.size() > 0 && (x0_cov.rows() != n0 || x0_cov.cols() != n0)))
-    throw std::invalid_argument(
-        fmt::format("model: x0_mean has {} entries and x0_cov is {} x {}, {} and {} x {} needed: the states of step {}",
-                    x0_mean.size(), x0_cov.rows(), x0_cov.cols(), n0, n0, n0, k_begin));
+  const Index n0 = n(k_begin);
+  if (x0_mean.size() > 0 && x0_mean.size() != n0)
+    throw std::invalid_argument(fmt::format("model: x0_mean has {} entries, {} needed: the states of step {}",
+                                            x0_mean.size(), n0, k_begin));
+  if (x0_cov.size() > 0 && (x0_cov.rows() != n0 || x0_cov.cols() != n0))
+    throw std::invalid_argument(fmt::format("model: x0_cov is {} x {}, {} x {} needed: the states of step {}",
+                                            x0_cov.rows(), x0_cov.cols(), n0, n0, k_begin));
   if ((u_nominal.rows() > 0 || y_nominal.rows() > 0) &&
       (u_nominal.cols() != inputs || y_nominal.cols() != outputs || u_nominal.rows() != y_nominal.rows()))
     throw std::invalid_argument(fmt::format(
