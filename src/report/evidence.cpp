@@ -169,14 +169,15 @@ void assess_errors(const Model& model, const Ensemble& data, const Vector& sprea
   found.step_excess.assign(size_t(data.steps()), nan);
   found.noise_excess = found.step_excess;
   // A step of a periodic model is tested where any step of its phase is tested.
-  std::vector<char> tested(size_t(model.period), 0);
+  std::vector<char> tested(size_t(std::min(model.period, model.steps())), 0);
+  const auto phase = [&](Index k) { return size_t((k - model.k_begin) % model.period); };
   const auto error_at = [&](Index k) { return k < data.steps() ? found.step_error[size_t(k)] : nan; };
   for (Index k = std::max(model.k_begin, first_step); model.period > 0 && k < model.k_end(); ++k)
-    if (!std::isnan(error_at(k))) tested[size_t(k % model.period)] = 1;
+    if (!std::isnan(error_at(k))) tested[phase(k)] = 1;
   for (Index k = std::max(model.k_begin, first_step); k < model.k_end(); ++k) {
     const double error = error_at(k);
     if (std::isnan(error)) {
-      if (model.period == 0 || !tested[size_t(k % model.period)]) found.untested.push_back(k);
+      if (model.period == 0 || !tested[phase(k)]) found.untested.push_back(k);
       continue;
     }
     // With unknown initial states, errors are larger at the first steps. The covariance that the model states may
