@@ -321,17 +321,19 @@ Method automatic_method(const Plan& plan) {
   return exact ? Method::tvera : Method::subspace;
 }
 
-Realised realised(const Ensemble& data, const Selection& selection, const Plan& plan, GtvArx arx,
+Realised realised(Ensemble&& data, const Selection& selection, const Plan& plan, GtvArx arx,
                   const IdentifyOptions& options, const BeforeEm& before_em) {
   Realised result;
   result.plan = as_asked(data, plan, options);
   const Execution execution =
       in_stage(options.execution, WorkStage::realisation, plan.noisy ? Course::noisy : Course::exact);
   if (result.plan.method == Method::tvera) {
-    if (plan.noisy && !options.states)
+    if (plan.noisy && !options.states) {
       realise_in_scored_order(data, std::move(arx), execution, result);
-    else
+    } else {
+      data = data.subset({});
       result.model = realise(data, std::move(arx), data.free, result.plan, execution);
+    }
   } else if (options.choices && plan.coupled) {
     const TimeVariation variation = plan.choices.variation;
     result.plan.choices = *options.choices;

@@ -20,8 +20,9 @@ struct Realised {
 // Gets the model before EM, if EM follows, and its plan.
 using BeforeEm = std::function<void(const Model&, const Plan&)>;
 
-// `selection`: see selection_samples(). \throws as realise() and refine()
-Realised realised(const Ensemble& departures, const Selection& selection, const Plan& plan, GtvArx arx,
+// `selection`: see selection_samples(), may refer to `departures`. Frees the samples once they are not needed, because
+// without noise a realisation takes the most memory. \throws as realise() and refine()
+Realised realised(Ensemble&& departures, const Selection& selection, const Plan& plan, GtvArx arx,
                   const IdentifyOptions& options, const BeforeEm& before_em = {});
 
 // Returns the model of a decided plan, with the EM iterations of the plan. \throws as above

@@ -415,26 +415,35 @@ Findings moving_together(const Ensemble& e) {
   return result;
 }
 
-using Groups = std::vector<std::vector<Index>>;
-
 // The steps that share their effects: each step alone, or some phases of a period.
-Groups groups_of(Index steps, const ExcitationOptions& o) {
-  Groups groups;
-  if (o.period > 0 && o.period < steps) {
-    const Index phases = std::min<Index>(o.period, 8);
-    for (Index i = 0; i < phases; ++i) {
-      std::vector<Index> group;
-      for (Index k = i * o.period / phases; k < steps; k += o.period)
-        if (k >= o.lags) group.push_back(k);
-      if (!group.empty()) groups.push_back(std::move(group));
+class Groups {
+ public:
+  Groups(Index steps, const ExcitationOptions& o) : steps_(steps), distance_(steps) {
+    if (o.period > 0 && o.period < steps) {
+      distance_ = o.period;
+      const Index phases = std::min<Index>(o.period, 8);
+      for (Index i = 0; i < phases; ++i) {
+        Index first = i * o.period / phases;
+        if (first < o.lags) first += ceil_div(o.lags - first, o.period) * o.period;
+        if (first < steps) first_.push_back(first);
+      }
+    } else {
+      first_ = o.sampled ? spread(1, steps, sampled_steps) : range(0, steps);
     }
-  } else if (o.sampled) {
-    for (const Index k : spread(1, steps, sampled_steps)) groups.push_back({k});
-  } else {
-    for (Index k = 0; k < steps; ++k) groups.push_back({k});
   }
-  return groups;
-}
+
+  Index size() const { return Index(first_.size()); }
+  Index first(Index group) const { return first_[size_t(group)]; }
+  std::vector<Index> operator[](Index group) const {
+    std::vector<Index> result;
+    for (Index k = first(group); k < steps_; k += distance_) result.push_back(k);
+    return result;
+  }
+
+ private:
+  Index steps_, distance_;
+  std::vector<Index> first_;
+};
 
 // Inputs of one step that depend on each other.
 Cases dependent_together(const Ensemble& e, const Inspection& inspect, const Groups& groups,
@@ -447,9 +456,9 @@ Cases dependent_together(const Ensemble& e, const Inspection& inspect, const Gro
   };
   Cases cases;
   if (e.inputs() < 2) return cases;
-  for (const auto& group : groups)
-    if (o.period > 0 || inspect.may_be(group.front()))
-      for (auto& found : inspect.of(group, false)) cases.add(std::move(found), group.front(), repeats(group.front()));
+  for (Index g = 0; g < groups.size(); ++g)
+    if (const Index k = groups.first(g); o.period > 0 || inspect.may_be(k))
+      for (auto& found : inspect.of(groups[g], false)) cases.add(std::move(found), k, repeats(k));
   return cases;
 }
 
@@ -468,14 +477,13 @@ Cases dependent_on_past(const Ensemble& e, const Inspection& inspect, const Grou
     std::sort(few.begin(), few.end());
     few.erase(std::unique(few.begin(), few.end()), few.end());
   } else {
-    few = spread(0, Index(groups.size()), sampled_steps);
+    few = spread(0, groups.size(), sampled_steps);
   }
   Cases cases;
-  if (std::none_of(few.begin(), few.end(), [&](Index g) { return !inspect.of(groups[size_t(g)], true).empty(); }))
-    return cases;
-  for (const auto& group : groups)
-    if (group.front() > 0)
-      for (auto& found : inspect.of(group, true)) cases.add(std::move(found), group.front(), false);
+  if (std::none_of(few.begin(), few.end(), [&](Index g) { return !inspect.of(groups[g], true).empty(); })) return cases;
+  for (Index g = 0; g < groups.size(); ++g)
+    if (groups.first(g) > 0)
+      for (auto& found : inspect.of(groups[g], true)) cases.add(std::move(found), groups.first(g), false);
   return cases;
 }
 
@@ -513,8 +521,8 @@ void report(const std::vector<Case>& cases, bool with_past, const Ensemble& e, c
 
 Excitation excitation(const Ensemble& e, const ExcitationOptions& o) {
   const Inspection inspect(e, o);
-  const Groups groups = groups_of(e.steps(), o);
-  const Index all = Index(groups.size());
+  const Groups groups(e.steps(), o);
+  const Index all = groups.size();
   const std::vector<Case> together = dependent_together(e, inspect, groups, o).most(all, o.shared);
   const std::vector<Case> on_past = dependent_on_past(e, inspect, groups, o).most(all, o.shared);
   Excitation result;

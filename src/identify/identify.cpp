@@ -369,13 +369,14 @@ Identification identified(const Ensemble& used, const Vector& weights, const Mea
     before_em = [&](const Model& model, const Plan& plan) {
       on_model(first_model(model, plan, prepared, training, options));
     };
-  Realised realisation = realised(data, selection, regression.plan, std::move(regression.arx), options, before_em);
+  Realised realisation =
+      realised(std::move(prepared.data), selection, regression.plan, std::move(regression.arx), options, before_em);
   append(findings, std::move(realisation.findings));
   result.plan = measured_plan(std::move(realisation.plan), prepared.units);
   result.model = measured_model(std::move(realisation.model), prepared);
-  append(findings, findings_of_free_responses(data.free, result.plan));
+  append(findings, findings_of_free_responses(training.free, result.plan));
   append(findings, findings_of_absent_states(result.model));
-  Findings of_states = findings_of_states(result.model, data, result.plan, regressed_from, options);
+  Findings of_states = findings_of_states(result.model, training, result.plan, regressed_from, options);
   prepared.data = {};  // frees memory for what follows
   ValidateOptions validation;
   validation.initial_state = result.plan.initial_state;
