@@ -54,8 +54,9 @@ void check(const IdentifyOptions& o) {
 
 struct Part {
   Index begin = 0;
-  Ensemble whole;     // all experiments of the stretch
-  Ensemble training;  // without those that are held out
+  Ensemble whole;                 // all experiments of the stretch
+  std::optional<Ensemble> fewer;  // without those that are held out, if there are any
+  const Ensemble& training() const { return fewer ? *fewer : whole; }
 };
 
 // Stretches of the record: their first steps, and the number of steps that each of them has.
@@ -89,8 +90,9 @@ std::vector<Part> parts_of(const EnsembleFile& file, const Stretches& stretches,
   for (const Index i : wanted) {
     Ensemble whole = file.read(begin(i), begin(i) + stretches.length);
     whole.free = {};
-    Ensemble training = hold_out > 0 ? split(whole, hold_out).training : whole;
-    result[size_t(i)] = {begin(i), std::move(whole), std::move(training)};
+    std::optional<Ensemble> fewer;
+    if (hold_out > 0) fewer = split(whole, hold_out).training;
+    result[size_t(i)] = {begin(i), std::move(whole), std::move(fewer)};
   }
   return result;
 }
@@ -108,11 +110,11 @@ Ensemble in_a_row(const std::vector<const Ensemble*>& stretches) {
 // the number of stretches.
 NominalTest test_nominal(const std::vector<Part>& parts) {
   std::vector<const Ensemble*> stretches;
-  for (const Part& part : parts) stretches.push_back(&part.training);
+  for (const Part& part : parts) stretches.push_back(&part.training());
   NominalTest test = tokid::test_nominal(in_a_row(stretches));
   for (NominalTest::Departure& departure : test.departures)
     for (Index& k : departure.steps) {
-      const Index length = parts.front().training.steps();
+      const Index length = parts.front().training().steps();
       k = parts[size_t(k / length)].begin + k % length;
     }
   return test;
@@ -235,13 +237,13 @@ std::vector<std::optional<Identification>> identified(const std::vector<Part>& p
   std::optional<Identification> searched;
   std::exception_ptr failed;
   if (team.rank == 0) {
-    result.front() =
-        with_remark_on_axes(parts.front().whole, [&] { return identify_part(parts.front().training, options, false); });
+    result.front() = with_remark_on_axes(parts.front().whole,
+                                         [&] { return identify_part(parts.front().training(), options, false); });
     const Plan& first = result.front()->plan;
     if (!first.noisy && !first.coupled && !options.lags) exact_lags = first.lags;
   } else if (searches) {
     try {
-      searched = later_stretch(parts[size_t(team.rank)].training, options, {});
+      searched = later_stretch(parts[size_t(team.rank)].training(), options, {});
     } catch (const std::runtime_error&) {
       failed = std::current_exception();  // matters only if the search was needed
     }
@@ -249,7 +251,7 @@ std::vector<std::optional<Identification>> identified(const std::vector<Part>& p
   // If a lag order is exact in the first stretch, it is probably exact in the others. This saves their searches.
   exact_lags = archive::unpacked<std::optional<Index>>(team.broadcast(archive::packed(exact_lags)));
   for (Index i = team.rank == 0 ? team.size : team.rank; i < count; i += team.size) {
-    const Ensemble& data = parts[size_t(i)].training;
+    const Ensemble& data = parts[size_t(i)].training();
     std::optional<Identification>& own = result[size_t(i)];
     if (exact_lags) own = later_stretch(data, options, exact_lags);
     if (exact_lags && !(own && own->plan.noisy)) continue;
@@ -270,10 +272,9 @@ std::vector<std::optional<Identification>> identified(const std::vector<Part>& p
 // Do the stretches show no variation over time?
 bool is_constant(const Plan& plan) { return plan.coupled && plan.choices.variation.period > 0; }
 
-// The plan for all blocks: the plan of the stretch `chosen`, with noise and coupling if any stretch has them. If the
-// mean motion is removed, `data` become departures.
+// The plan for all blocks: the plan of the stretch `chosen`, with noise and coupling if any stretch has them.
 Plan joint_plan(const std::vector<const Identification*>& found, const Identification& chosen,
-                const IdentifyOptions& options, std::vector<Ensemble> data) {
+                const IdentifyOptions& options, const std::vector<Part>& parts) {
   Plan plan = chosen.plan;
   for (const Identification* own : found) {
     plan.noisy = plan.noisy || own->plan.noisy;
@@ -288,13 +289,11 @@ Plan joint_plan(const std::vector<const Identification*>& found, const Identific
   if (!plan.noisy)
     for (const Identification* own : found) plan.lags = std::max(plan.lags, own->plan.lags);
   plan.states = options.states.value_or(plan.noisy ? chosen.model.states() : 0);
-  plan.output_size = Vector::Zero(data.front().outputs());
-  plan.input_size = Vector::Zero(data.front().inputs());
-  for (Ensemble& e : data) {
-    if (plan.nominal) {
-      const Nominal mean = nominal_trajectory(e);
-      e = departures(std::move(e), mean);
-    }
+  plan.output_size = Vector::Zero(parts.front().training().outputs());
+  plan.input_size = Vector::Zero(parts.front().training().inputs());
+  for (const Part& part : parts) {
+    const Ensemble& training = part.training();
+    const Ensemble e = plan.nominal ? departures(training, nominal_trajectory(training)) : training;
     plan.output_size = plan.output_size.cwiseMax(channel_sizes(e, e.inputs(), e.outputs()));
     plan.input_size = plan.input_size.cwiseMax(channel_sizes(e, 0, e.inputs()));
   }
@@ -303,7 +302,7 @@ Plan joint_plan(const std::vector<const Identification*>& found, const Identific
 
 // The plan for all blocks and its evidence, from the identifications of the stretches. \throws as joint_plan()
 Decision joint_decision(const EnsembleFile& file, const std::vector<std::optional<Identification>>& of_stretches,
-                        const IdentifyOptions& options, std::vector<Part>& parts) {
+                        const IdentifyOptions& options, const std::vector<Part>& parts) {
   std::vector<const Identification*> found;
   for (const auto& own : of_stretches)
     if (own) found.push_back(&*own);
@@ -312,9 +311,7 @@ Decision joint_decision(const EnsembleFile& file, const std::vector<std::optiona
     if (demands_more(*own, *chosen)) chosen = own;
 
   Decision result;
-  std::vector<Ensemble> data;
-  for (Part& part : parts) data.push_back(std::move(part.training));
-  result.plan = joint_plan(found, *chosen, options, std::move(data));
+  result.plan = joint_plan(found, *chosen, options, parts);
   result.evidence = *chosen;
   result.evidence.initial_state_test = found.front()->initial_state_test;
   result.evidence.findings = remarks(parts.front().whole);
