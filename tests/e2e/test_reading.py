@@ -236,7 +236,7 @@ def test_a_file_that_was_changed(tokid, tmp_path, written):
     first, rest = text.split("\n", 1)
     cells = rest.rsplit(",", 1)
     for changed in (f"{first}\n{cells[0]},7.25\n", f"{first[:-1]}\n{rest}", f"# checksum = \n{rest}",
-                    f"{first},,\n{rest}", f"# measured on Monday\n{text}", text + "2,2.0,1,2\n",
+                    f"{first},,\n{rest}", f"# measured on Monday\n{text}", text + "2,0.15,1,2\n",
                     text.replace("# checksum", "#(checksum")):
         written.write_text(changed)
         found = warnings(tokid, "info", written)

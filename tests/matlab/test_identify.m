@@ -75,7 +75,7 @@ for i = 1:30
   y{i} = squeeze(data.y(i, steps, :));
 end
 [of_cells, of_cells_evidence] = tokid.identify(u, y, 'dt', data.dt, 'initial_state', 'zero', 'lags', 2, 'states', 4);
-assert(evidence.missing_samples == 17 && of_cells_evidence.missing_samples == 1);
+assert(evidence.missing_samples == 1 && of_cells_evidence.missing_samples == 1);
 assert(isequal(model.A, of_cells.A));
 end
 
