@@ -114,6 +114,11 @@ Index expect_predict(const Model& model, const Ensemble& data, OnlineObserverOpt
         EXPECT_TRUE(same_bits(found.row(0), one.y.output(k).row(n))) << "experiment " << n << ", step " << k;
       }
       EXPECT_EQ(observer.k(), k);
+      if (k % 5 == 3) {  // goes on in another observer
+        OnlineObserver other(model, options);
+        other.restore(observer.saved());
+        observer = std::move(other);
+      }
       const Observation& shown = observer.step(data.input(k).row(n).transpose(), data.output(k).row(n).transpose());
       EXPECT_TRUE(same_bits(shown.prediction, one.y.output(k).row(n))) << "experiment " << n << ", step " << k;
       EXPECT_TRUE(same_bits(shown.innovation, one.innovations[size_t(k)].row(n))) << n << ", step " << k;
@@ -295,6 +300,24 @@ TEST(OnlineObserver, BeginsAgainAfterReset) {
     EXPECT_TRUE(same_bits(moved.step(data.input(1).row(0).transpose(), data.output(1).row(0).transpose()).prediction,
                           first[1]));
   }
+}
+
+TEST(OnlineObserver, RestoresNoRunOfAnotherObserverAndNoDamagedOne) {
+  const SystemSize size{2, 1, 2};
+  const Model model = online_model(size, 30, {.noise = true}, 5), wider = online_model({3, 1, 2}, 30, {}, 5);
+  const Ensemble data = online_data(size, 1, 30, 0, 0, 6);
+  OnlineObserver observer(model), filter(model, {.samples_missing = true}), other(wider);
+  for (Index k = 0; k < 4; ++k) observer.step(data.input(k).row(0).transpose(), data.output(k).row(0).transpose());
+  const std::string saved = observer.saved();
+  for (OnlineObserver* wrong : {&filter, &other}) EXPECT_THROW(wrong->restore(saved), std::invalid_argument);
+  for (size_t size_left = 0; size_left < saved.size(); ++size_left)
+    EXPECT_THROW(observer.restore(saved.substr(0, size_left)), std::invalid_argument);
+  EXPECT_THROW(observer.restore(saved + "x"), std::invalid_argument);
+  EXPECT_EQ(observer.k(), 4);  // as it was
+  OnlineObserver same(model);
+  same.restore(saved);
+  EXPECT_EQ(same.k(), 4);
+  EXPECT_TRUE(same_bits(same.state(), observer.state()));
 }
 
 TEST(OnlineObserver, RefusesWhatDoesNotFit) {

@@ -6,6 +6,8 @@
 #include <limits>
 #include <memory>
 #include <optional>
+#include <string>
+#include <string_view>
 
 #include "tokid/model.hpp"
 
@@ -69,6 +71,10 @@ class OnlineObserver {
   void predict(const ConstMatrixRef& inputs, Eigen::Ref<Matrix> outputs) const;  // the same without an allocation
 
   void reset();  // back to step 0
+  // The run so far as bytes, and the same run in an observer that was made of the same model and options. For machines
+  // of the same kind. \throws std::invalid_argument for bytes of another model, and damaged ones
+  std::string saved() const;
+  void restore(std::string_view bytes);
   const Model& model() const;
 
  private:

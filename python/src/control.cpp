@@ -57,7 +57,15 @@ void bind_observer(nb::module_& module) {
           "state", [](const OnlineObserver& observer) { return array_of(observer.state()); }, nb::rv_policy::move)
       .def("predict",
            [](const OnlineObserver& observer, const AnyArray& u) { return array_of(observer.predict(matrix_of(u))); })
-      .def("reset", &OnlineObserver::reset);
+      .def("reset", &OnlineObserver::reset)
+      .def("saved",
+           [](const OnlineObserver& observer) {
+             const std::string bytes = observer.saved();
+             return nb::bytes(bytes.data(), bytes.size());
+           })
+      .def("restore", [](OnlineObserver& observer, const nb::bytes& bytes) {
+        observer.restore({static_cast<const char*>(bytes.data()), bytes.size()});
+      });
 }
 
 // The expected cost with the observer and the noise of this model, which may differ from those of the file that the

@@ -205,7 +205,19 @@ def test_public_objects_are_copied_or_refuse_it(made, tmp_path, copied):
         np.testing.assert_array_equal(other.simulate(**seed).data.u, held.simulate(**seed).data.u)
     lifted = model.lifted_map(begin=2)
     np.testing.assert_array_equal(copied(lifted).dense(), lifted.dense())
-    with tokid.FileLock(tmp_path / "state.h5") as lock:
-        for held in (model.observer(), lock):
-            with pytest.raises(TypeError, match="can't be copied or pickled"):
-                copied(held)
+    with tokid.FileLock(tmp_path / "state.h5") as lock, pytest.raises(TypeError, match="can't be copied or pickled"):
+        copied(lock)
+
+
+@pytest.mark.parametrize("copied", COPIES)
+@pytest.mark.parametrize("options", [{}, {"initial_state": "unknown"}, {"samples_missing": True}])
+def test_copies_of_observers_go_on_alike(made, copied, options):
+    data, model, _ = made
+    observer = model.observer(**options)
+    for k in range(model.steps):
+        other = copied(observer)
+        assert repr(other) == repr(observer)
+        one, beside = (each.step(data.u[0, k], data.y[0, k]) for each in (observer, other))
+        np.testing.assert_array_equal(one.prediction, beside.prediction)
+        np.testing.assert_array_equal(other.state, observer.state)
+        observer = other

@@ -31,8 +31,9 @@ class Observer:
     (40, (2,), True)
     """
 
-    __slots__ = ("_core", "_inputs", "_outputs", "__weakref__")
+    __slots__ = ("_core", "_inputs", "_made", "_outputs", "__weakref__")
     _core: _tokid.OnlineObserver
+    _made: tuple[Any, ...]  # the arguments of _of
     _inputs: int
     _outputs: int
 
@@ -51,6 +52,7 @@ class Observer:
         self = cls.__new__(cls)
         self._inputs, self._outputs = model.inputs, model.outputs
         square = None if input_square is None else _arrays.shaped("input_square", input_square, (model.inputs,))
+        self._made = (model, initial_state, initial_estimate, samples_missing, square)
         self._core = _tokid.OnlineObserver(
             model._core,
             _options.initial_state(initial_state),
@@ -107,13 +109,17 @@ class Observer:
         self._core.reset()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        raise TypeError(
-            "an observer that runs can't be copied or pickled. Make another one with tokid.Model.observer, and step it "
-            "through the same samples"
-        )
+        return _running, (self._made, self._core.saved())
 
     def __repr__(self) -> str:
         return f"<tokid.Observer: step {self.k}, state {'known' if self.knows_state else 'not known'}>"
+
+
+def _running(made: tuple[Any, ...], saved: bytes) -> Observer:
+    """The observer of these arguments after the run that was saved: what copies and pickles are made of."""
+    observer = Observer._of(*made)
+    observer._core.restore(saved)
+    return observer
 
 
 def _sample(name: str, values: ArrayLike, size: int) -> Any:

@@ -8,7 +8,9 @@
 #include <variant>
 #include <vector>
 
+#include "base/archive.hpp"
 #include "base/nan.hpp"
+#include "control/system_digest.hpp"
 #include "model/continuation.hpp"
 #include "model/filter_step.hpp"
 #include "model/observer_rows.hpp"
@@ -56,6 +58,12 @@ class Filter {
     there_.swap(there_before_);
     unknown_.swap(unknown_before_);
     ++k_;
+  }
+
+  template <class Archive, class F>
+  requires std::is_same_v<std::remove_const_t<F>, Filter>
+  friend void fields(Archive& archive, F& f) {
+    archive(f.k_, f.x_, f.covariance_, f.correction_, f.there_before_, f.unknown_before_);
   }
 
  private:
@@ -128,6 +136,10 @@ class Row {
     available.consider(step_at(model_, k), innovation, false);
     shown.normalised_square = available.square(innovation);
   }
+
+  template <class Archive, class R>
+  requires std::is_same_v<std::remove_const_t<R>, Row>
+  friend void fields(Archive& archive, R& r) { archive(r.rows_); }
 
  private:
   // ‖W_k ε‖² for a lower triangular W_k
@@ -242,6 +254,15 @@ struct OnlineObserver::Content {
   Matrix ahead_u, ahead_y;
 };
 
+namespace {
+
+// Binds a saved run to its model and to the kind of its observer.
+std::uint64_t origin_of(const Model& model, size_t kind) {
+  return digest_of_system(model, model.k_begin, model.k_end()) + kind;
+}
+
+}  // namespace
+
 OnlineObserver::OnlineObserver(Model model, const OnlineObserverOptions& options) {
   model.check();
   if (model.steps() == 0) throw std::invalid_argument("model: no step found, at least one needed");
@@ -299,6 +320,36 @@ Index OnlineObserver::k() const { return content_->k; }
 bool OnlineObserver::knows_state() const { return content_->knows_state(); }
 const Model& OnlineObserver::model() const { return content_->model; }
 void OnlineObserver::reset() { content_->start(); }
+
+std::string OnlineObserver::saved() const {
+  const Content& c = *content_;
+  archive::Writer writer;
+  writer(origin_of(c.model, c.running.index()), c.k);
+  if (const online::Row* row = std::get_if<online::Row>(&c.running))
+    writer(*row);
+  else
+    writer(std::get<online::Filter>(c.running));
+  return writer.bytes();
+}
+
+void OnlineObserver::restore(std::string_view bytes) {
+  auto restored = std::make_unique<Content>(content_->model, content_->options);
+  Content& c = *restored;
+  try {
+    archive::Reader reader(bytes);
+    std::uint64_t origin = 0;
+    reader(origin, c.k);
+    if (origin != origin_of(c.model, c.running.index())) throw std::runtime_error("a run of another model found");
+    if (online::Row* row = std::get_if<online::Row>(&c.running))
+      reader(*row);
+    else
+      reader(std::get<online::Filter>(c.running));
+    reader.finish();
+  } catch (const std::runtime_error& error) {
+    throw std::invalid_argument(fmt::format("saved run: {}, the bytes of a run of this observer needed", error.what()));
+  }
+  content_ = std::move(restored);
+}
 
 Index OnlineObserver::states() const {
   const Content& c = *content_;

@@ -3,6 +3,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <type_traits>
 #include <vector>
 
 #include "model/kalman_step.hpp"
@@ -29,6 +30,11 @@ class FilterCovariance {
 
   const Matrix& P() const { return p_; }        // of x_k, or of x_{k+1} after advance()
   const Matrix& effect() const { return fp_; }  // F P', after advance()
+
+  // What later steps need (base/archive.hpp).
+  template <class Archive, class C>
+  requires std::is_same_v<std::remove_const_t<C>, FilterCovariance>
+  friend void fields(Archive& archive, C& c) { archive(c.steady_, c.p_); }
 
  private:
   bool steady_ = false;

@@ -26,6 +26,9 @@ struct Correction {
   double log_det = 0.0;  // of S
   Matrix filtered;       // P' (q × q)
 };
+template <class Archive, class C>
+requires std::is_same_v<std::remove_const_t<C>, Correction>
+void fields(Archive& archive, C& c) { archive(c.gain, c.whitener, c.log_det, c.filtered); }
 
 // Intermediate results of a correction, kept to reuse their memory.
 struct Workspace {

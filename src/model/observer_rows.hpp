@@ -3,6 +3,7 @@
 #pragma once
 
 #include <optional>
+#include <type_traits>
 #include <vector>
 
 #include "model/available_outputs.hpp"
@@ -46,6 +47,13 @@ class Rows {
 
   // The outputs that were available for the innovations of the last step, of the last row.
   AvailableOutputs& outputs() { return available_; }
+
+  // What later steps need (base/archive.hpp).
+  template <class Archive, class R>
+  requires std::is_same_v<std::remove_const_t<R>, Rows>
+  friend void fields(Archive& archive, R& r) {
+    archive(r.k_, r.n_, r.x_, r.since_, r.all_see_, r.recent_u_, r.recent_y_);
+  }
 
  private:
   static constexpr Index sees = -1;
