@@ -313,11 +313,27 @@ TEST(OnlineObserver, RestoresNoRunOfAnotherObserverAndNoDamagedOne) {
   for (size_t size_left = 0; size_left < saved.size(); ++size_left)
     EXPECT_THROW(observer.restore(saved.substr(0, size_left)), std::invalid_argument);
   EXPECT_THROW(observer.restore(saved + "x"), std::invalid_argument);
+  for (size_t place = 0; place < saved.size(); ++place) {
+    std::string damaged = saved;
+    damaged[place] = char(damaged[place] ^ 0x10);
+    EXPECT_THROW(observer.restore(damaged), std::invalid_argument) << place;
+  }
   EXPECT_EQ(observer.k(), 4);  // as it was
   OnlineObserver same(model);
   same.restore(saved);
   EXPECT_EQ(same.k(), 4);
   EXPECT_TRUE(same_bits(same.state(), observer.state()));
+}
+
+TEST(OnlineObserver, RestoresNoRunThatBeginsAtAnotherStep) {
+  Model model = online_model({3, 1, 2}, 30, {.varying_states = true, .begin = 1, .initial = InitialState::unknown}, 5);
+  const Index n = model.n(model.k_begin);
+  ASSERT_LT(n, model.states());
+  model.x0_mean = Vector::Zero(n);
+  model.x0_cov = Matrix::Identity(n, n);
+  const OnlineObserver from_estimate(model);
+  OnlineObserver from_samples(model, {.initial_estimate = false});
+  EXPECT_THROW(from_samples.restore(from_estimate.saved()), std::invalid_argument);
 }
 
 TEST(OnlineObserver, RefusesWhatDoesNotFit) {

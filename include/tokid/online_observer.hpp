@@ -71,8 +71,9 @@ class OnlineObserver {
   void predict(const ConstMatrixRef& inputs, Eigen::Ref<Matrix> outputs) const;  // the same without an allocation
 
   void reset();  // back to step 0
-  // The run so far as bytes, and the same run in an observer that was made of the same model and options. For machines
-  // of the same kind. \throws std::invalid_argument for bytes of another model, and damaged ones
+  // The run so far as bytes, and the same run in an observer of the same model and options. For machines of the same
+  // kind. \throws std::invalid_argument for damaged bytes, or a run of other A_k, B_k, C_k, D_k, of another kind of
+  // observer, or of one that begins at another step
   std::string saved() const;
   void restore(std::string_view bytes);
   const Model& model() const;

@@ -8,6 +8,9 @@
 #include <variant>
 #include <vector>
 
+#define XXH_INLINE_ALL
+#include <xxhash.h>
+
 #include "base/archive.hpp"
 #include "base/nan.hpp"
 #include "control/system_digest.hpp"
@@ -233,6 +236,23 @@ struct OnlineObserver::Content {
     }
   }
 
+  std::string run() const {
+    archive::Writer writer;
+    run_fields(writer, *this);
+    return writer.bytes();
+  }
+  void continue_from(std::string_view run) {
+    archive::Reader reader(run);
+    run_fields(reader, *this);
+    reader.finish();
+  }
+  // Binds a run to its system, and to the kind and the first step of its observer.
+  std::uint64_t digest_of(std::string_view run) const {
+    const std::uint64_t of_system = digest_of_system(model, model.k_begin, model.k_end());
+    const std::uint64_t origin[] = {of_system, running.index(), std::uint64_t(first)};
+    return XXH3_64bits_withSeed(run.data(), run.size(), XXH3_64bits(origin, sizeof(origin)));
+  }
+
   bool knows_state() const {
     if (k < first) return false;
     const online::Row* row = std::get_if<online::Row>(&running);
@@ -241,6 +261,15 @@ struct OnlineObserver::Content {
   online::ConstRow state() const {
     if (const online::Row* row = std::get_if<online::Row>(&running)) return row->x();
     return std::get<online::Filter>(running).x();
+  }
+
+  template <class Archive, class C>
+  static void run_fields(Archive& archive, C& content) {
+    archive(content.k);
+    if (auto* row = std::get_if<online::Row>(&content.running))
+      archive(*row);
+    else
+      archive(std::get<online::Filter>(content.running));
   }
 
   Model model;
@@ -253,15 +282,6 @@ struct OnlineObserver::Content {
   Vector ahead, next;  // states of predict(), with room for the largest
   Matrix ahead_u, ahead_y;
 };
-
-namespace {
-
-// Binds a saved run to its model and to the kind of its observer.
-std::uint64_t origin_of(const Model& model, size_t kind) {
-  return digest_of_system(model, model.k_begin, model.k_end()) + kind;
-}
-
-}  // namespace
 
 OnlineObserver::OnlineObserver(Model model, const OnlineObserverOptions& options) {
   model.check();
@@ -322,32 +342,17 @@ const Model& OnlineObserver::model() const { return content_->model; }
 void OnlineObserver::reset() { content_->start(); }
 
 std::string OnlineObserver::saved() const {
-  const Content& c = *content_;
-  archive::Writer writer;
-  writer(origin_of(c.model, c.running.index()), c.k);
-  if (const online::Row* row = std::get_if<online::Row>(&c.running))
-    writer(*row);
-  else
-    writer(std::get<online::Filter>(c.running));
-  return writer.bytes();
+  const std::string run = content_->run();
+  return archive::packed(content_->digest_of(run)) + run;
 }
 
 void OnlineObserver::restore(std::string_view bytes) {
   auto restored = std::make_unique<Content>(content_->model, content_->options);
-  Content& c = *restored;
-  try {
-    archive::Reader reader(bytes);
-    std::uint64_t origin = 0;
-    reader(origin, c.k);
-    if (origin != origin_of(c.model, c.running.index())) throw std::runtime_error("a run of another model found");
-    if (online::Row* row = std::get_if<online::Row>(&c.running))
-      reader(*row);
-    else
-      reader(std::get<online::Filter>(c.running));
-    reader.finish();
-  } catch (const std::runtime_error& error) {
-    throw std::invalid_argument(fmt::format("saved run: {}, the bytes of a run of this observer needed", error.what()));
-  }
+  constexpr size_t head = sizeof(std::uint64_t);
+  if (bytes.size() < head ||
+      archive::unpacked<std::uint64_t>(bytes.substr(0, head)) != restored->digest_of(bytes.substr(head)))
+    throw std::invalid_argument("saved run: other bytes found, those of a run of the same model and options needed");
+  restored->continue_from(bytes.substr(head));
   content_ = std::move(restored);
 }
 
