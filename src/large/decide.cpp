@@ -88,11 +88,11 @@ std::vector<Part> parts_of(const EnsembleFile& file, const Stretches& stretches,
   for (const Index i : wanted) file.expect(begin(i), begin(i) + stretches.length);
   std::vector<Part> result(stretches.begins.size());
   for (const Index i : wanted) {
-    Ensemble whole = file.read(begin(i), begin(i) + stretches.length);
-    whole.free = {};
-    std::optional<Ensemble> fewer;
-    if (hold_out > 0) fewer = split(whole, hold_out).training;
-    result[size_t(i)] = {begin(i), std::move(whole), std::move(fewer)};
+    Part& part = result[size_t(i)];
+    part.begin = begin(i);
+    part.whole = file.read(begin(i), begin(i) + stretches.length);
+    part.whole.free = {};
+    if (hold_out > 0) part.fewer = split(part.whole, hold_out).training;
   }
   return result;
 }
@@ -291,12 +291,15 @@ Plan joint_plan(const std::vector<const Identification*>& found, const Identific
   plan.states = options.states.value_or(plan.noisy ? chosen.model.states() : 0);
   plan.output_size = Vector::Zero(parts.front().training().outputs());
   plan.input_size = Vector::Zero(parts.front().training().inputs());
-  for (const Part& part : parts) {
-    const Ensemble& training = part.training();
-    const Ensemble e = plan.nominal ? departures(training, nominal_trajectory(training)) : training;
+  const auto take_larger = [&](const Ensemble& e) {
     plan.output_size = plan.output_size.cwiseMax(channel_sizes(e, e.inputs(), e.outputs()));
     plan.input_size = plan.input_size.cwiseMax(channel_sizes(e, 0, e.inputs()));
-  }
+  };
+  for (const Part& part : parts)
+    if (plan.nominal)
+      take_larger(departures(part.training(), nominal_trajectory(part.training())));
+    else
+      take_larger(part.training());
   return plan;
 }
 
