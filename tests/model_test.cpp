@@ -443,12 +443,10 @@ TEST(Model, CheckNamesWhatDisagrees) {
   EXPECT_THROW(simulate(broken, Ensemble(1, 9, 1, 0)), std::invalid_argument);
   broken = model;
   broken.x0_mean = Vector::Ones(3);
-  EXPECT_EQ(message(broken),
-            "model: x0_mean has 3 entries, 2 needed: the states of step 0");
+  EXPECT_EQ(message(broken), "model: x0_mean has 3 entries, 2 needed: the states of step 0");
   broken = model;
   broken.x0_cov = Matrix::Identity(1, 2);
-  EXPECT_EQ(message(broken),
-            "model: x0_cov is 1 x 2, 2 x 2 needed: the states of step 0");
+  EXPECT_EQ(message(broken), "model: x0_cov is 1 x 2, 2 x 2 needed: the states of step 0");
   broken = model;
   broken.u_nominal.resize(4, 0);  // rows without a number
   EXPECT_NE(message(broken).find("model: u_nominal is 4 x 0"), std::string::npos);

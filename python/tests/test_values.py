@@ -178,10 +178,11 @@ def test_arrays_are_read_only_or_writing_has_an_effect(made):
         controller.K[0] = np.zeros((2, 4))
 
 
-COPIES = [copy.copy, copy.deepcopy, lambda held: pickle.loads(pickle.dumps(held))]
+in_each_way = pytest.mark.parametrize(
+    "copied", [copy.copy, copy.deepcopy, lambda held: pickle.loads(pickle.dumps(held))], ids=["copy", "deepcopy", "pickle"])
 
 
-@pytest.mark.parametrize("copied", COPIES, ids=["copy", "deepcopy", "pickle"])
+@in_each_way
 def test_public_objects_are_copied_or_refuse_it(made, tmp_path, copied):
     data, model, controller = made
     rates = model.lqr(1.0, 1.0, input_rate_weight=0.1, y_reference=np.ones((model.steps, 2)))
@@ -209,7 +210,7 @@ def test_public_objects_are_copied_or_refuse_it(made, tmp_path, copied):
         copied(lock)
 
 
-@pytest.mark.parametrize("copied", COPIES)
+@in_each_way
 @pytest.mark.parametrize("options", [{}, {"initial_state": "unknown"}, {"samples_missing": True}])
 def test_copies_of_observers_go_on_alike(made, copied, options):
     data, model, _ = made

@@ -115,8 +115,8 @@ void Model::check() const {
                     n(k_end()), k_end() - 1, n(k_end() - period), k_end() - period, period));
   const Index n0 = n(k_begin);
   if (x0_mean.size() > 0 && x0_mean.size() != n0)
-    throw std::invalid_argument(fmt::format("model: x0_mean has {} entries, {} needed: the states of step {}",
-                                            x0_mean.size(), n0, k_begin));
+    throw std::invalid_argument(
+        fmt::format("model: x0_mean has {} entries, {} needed: the states of step {}", x0_mean.size(), n0, k_begin));
   if (x0_cov.size() > 0 && (x0_cov.rows() != n0 || x0_cov.cols() != n0))
     throw std::invalid_argument(fmt::format("model: x0_cov is {} x {}, {} x {} needed: the states of step {}",
                                             x0_cov.rows(), x0_cov.cols(), n0, n0, k_begin));
