@@ -6,7 +6,9 @@ import os
 import shutil
 import signal
 import subprocess
+import tempfile
 import time
+from contextlib import ExitStack
 from pathlib import Path
 
 import h5py
@@ -190,11 +192,15 @@ def test_every_number_of_processes_updates_alike(tmp_path):
 
 def test_concurrent_jobs_lose_nothing(tmp_path):
     state, later = portions(tmp_path, [3, 4, 5, 6], steps=60)
-    jobs = [subprocess.Popen(command(2, "update", state, *later[i:i + 2]), env=ENVIRONMENT, stdout=subprocess.DEVNULL,
-                             stderr=subprocess.PIPE, text=True) for i in (0, 2)]
-    for job in jobs:
-        _, errors = job.communicate(timeout=120)
-        assert job.returncode == 0, errors
+    with ExitStack() as stack:
+        # Open MPI 4 fails where two jobs create or remove its folder for this user at the same time.
+        folders = [stack.enter_context(tempfile.TemporaryDirectory()) for _ in range(2)]
+        jobs = [subprocess.Popen(command(2, "update", state, *later[2 * i:2 * i + 2]), stdout=subprocess.DEVNULL,
+                                 env=ENVIRONMENT | {"TMPDIR": folder}, stderr=subprocess.PIPE, text=True)
+                for i, folder in enumerate(folders)]
+        for job in jobs:
+            _, errors = job.communicate(timeout=120)
+            assert job.returncode == 0, errors
     with h5py.File(state) as file:
         assert file["experiments"][()] == 40 + 18
     assert not [p for p in tmp_path.iterdir() if p.name.startswith(".")]
