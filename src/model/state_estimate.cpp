@@ -24,6 +24,12 @@ Matrix whitener_of(const Model& model, Index k, Index steps) {
   return linalg::whitener(covariance);
 }
 
+// Does the part of the state that the samples of the window do not determine still act after the window?
+bool matters_afterwards(const Matrix& sensitivity, const Matrix& transition, Index rank) {
+  const Matrix seen = linalg::svd(sensitivity).v.leftCols(rank);
+  return !((transition - transition * seen * seen.transpose()).norm() <= unseen);
+}
+
 }  // namespace
 
 Matrix estimate(const Model& model, const Window& window) {
@@ -49,7 +55,8 @@ Matrix estimate(const Model& model, const Window& window) {
   }
   // The map from innovations to the state is computed first, so that the same bits result for any number of rows.
   const linalg::MinimumNorm map = linalg::minimum_norm(sensitivity, Matrix::Identity(steps * m, steps * m), unseen);
-  if (map.rank < n) return Matrix::Constant(experiments, n, nan);
+  if (map.rank < n && matters_afterwards(sensitivity, transition, map.rank))
+    return Matrix::Constant(experiments, n, nan);
   Matrix states(experiments, n);
   linalg::tall_products({{innovations, map.x}}, states);
   return states;

@@ -16,7 +16,8 @@ struct Window {
 };
 
 // The states (N × n_k) at the first step of the window, by least squares as for estimate_state(). A row depends on no
-// other row, to the last bit. All rows are NaN if the samples do not determine all of the state.
+// other row, to the last bit. All rows are NaN if the samples do not determine all of the state, unless the
+// rest of the state has no effect after the window. The estimate of this rest is zero.
 Matrix estimate(const Model& model, const Window& window);
 
 }  // namespace tokid::observer
