@@ -271,6 +271,17 @@ void add_refinement(const Identification& result, Page& page) {
                                    : "none: EM did not lower the cross-validation error");
 }
 
+void add_delays(const Call& call, const Identification& result, Page& page) {
+  const std::vector<Index>& delays = result.plan.choices.delays;
+  std::vector<std::string> texts;
+  for (size_t i = 0; i < delays.size(); ++i)
+    if (delays[i] > 0)
+      texts.push_back(fmt::format("{} {}", result.model.names.input(Index(i)), plural(delays[i], "step")));
+  if (texts.empty()) return;
+  page.row("Dead times",
+           fmt::format("{}, {}", fmt::join(texts, ", "), call.options.delays ? "as asked" : "by cross-validation"));
+}
+
 void add_jumps(const Call& call, const Identification& result, Page& page) {
   const std::vector<Jump>& jumps = result.refinement.jumps;
   if (jumps.empty() || result.refinement.iterations == 0) return;
@@ -363,6 +374,7 @@ std::string report(const Call& call, const Data& data, const Identification& res
   add_states(call, result, page);
   if (!result.smoothing_choice.trials.empty()) page.row("Smoothing", smoothing_text(call, result));
   add_refinement(result, page);
+  add_delays(call, result, page);
   add_jumps(call, result, page);
   add_result(call, result, page);
   add_fit(data, result, page);
@@ -415,6 +427,7 @@ Json json(const Call& call, const Data& data, const Identification& result, cons
   j["frame"] = model.frame;
   j["states"] = model.states();
   j["lags"] = result.plan.lags;
+  j["delays"] = result.plan.choices.delays;
   j["largest_lag_order"] = largest_lags(data, result);
   j["min_experiments"] = result.min_experiments;
   j["smoothing"] = json_penalty(result.plan.choices.variation.smoothing);
@@ -516,7 +529,8 @@ bool in_blocks(const Call& call) {
   const IdentifyOptions& o = call.options;
   const bool possible = is_hdf5(call.model) && call.page.empty() && call.state.empty() && o.period == 0 &&
                         o.smoothing != std::numeric_limits<double>::infinity() && o.frame != Frame::reference &&
-                        o.outliers == OutlierChoice::keep && (!o.jumps || o.jumps->empty());
+                        o.outliers == OutlierChoice::keep && (!o.jumps || o.jumps->empty()) &&
+                        (!o.delays || o.delays->empty());
   const std::optional<double> bytes = possible && call.paths.size() == 1 ? bytes_in_blocks(call.data) : std::nullopt;
   return bytes && (*bytes > much || team().size > 1);
 }

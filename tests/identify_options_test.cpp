@@ -28,6 +28,7 @@ TEST(IdentifyOptions, EveryOneReturnsFromItsText) {
                               .smoothing = 0.25,
                               .period = 4,
                               .jumps = std::vector<Index>{3, 20},
+                              .delays = std::vector<Index>{0, 7},
                               .weighting = Weighting::projection,
                               .output_weights = {0, 2.5, 1},
                               .refine = false,
@@ -48,7 +49,7 @@ TEST(IdentifyOptions, EveryOneReturnsFromItsText) {
   for (const IdentifyOptions& written : {other, one_model, IdentifyOptions{}}) {
     const IdentifyOptions read = identify_options(io::provenance_of(io::provenance_text({.options = written})));
     // A field more does not compile here until it stands in the list, and belongs into the table of the text too.
-    const auto& [states, lags, method, smoothing, feedthrough, period, jumps, weighting, output_weights, refine,
+    const auto& [states, lags, method, smoothing, feedthrough, period, jumps, delays, weighting, output_weights, refine,
                  initial_state, nominal, frame, reference_step, hold_out, outliers, rows, cols, choices, execution] =
         read;
     EXPECT_EQ(states, written.states);
@@ -58,6 +59,7 @@ TEST(IdentifyOptions, EveryOneReturnsFromItsText) {
     EXPECT_EQ(feedthrough, written.feedthrough);
     EXPECT_EQ(period, written.period);
     EXPECT_EQ(jumps, written.jumps);
+    EXPECT_EQ(delays, written.delays);
     EXPECT_EQ(weighting, written.weighting);
     EXPECT_EQ(output_weights, written.output_weights);
     EXPECT_EQ(refine, written.refine);
@@ -111,7 +113,7 @@ TEST(Provenance, ReturnsFromItsText) {
         .experiments = 30,
         .data = {"97d64adfcd832056", "a"},
         .dt_stated = false,
-        .choices = NoisyChoices{{smoothing, 4}, 0.1, Weighting::projection, smoothing, 3.0, 7, {2, 9}},
+        .choices = NoisyChoices{{smoothing, 4}, 0.1, Weighting::projection, smoothing, 3.0, 7, {2, 9}, {0, 7}},
         .refinement = EmRun{smoothing, 12},
         .corrections = {{{"7", 0.5}}, {}},
         .feedthrough = FeedthroughChoice{false, FeedthroughChoice::Reason::no_response}};
@@ -133,6 +135,7 @@ TEST(Provenance, ReturnsFromItsText) {
     EXPECT_EQ(choices->refinement_first, 3.0);
     EXPECT_EQ(choices->refinement_iterations, 7);
     EXPECT_EQ(choices->jumps, written.choices->jumps);
+    EXPECT_EQ(choices->delays, written.choices->delays);
     EXPECT_EQ(refinement->smoothing, smoothing);
     EXPECT_EQ(refinement->iterations, 12);
     EXPECT_EQ(corrections.experiments, written.corrections.experiments);

@@ -54,6 +54,7 @@ struct NoisyChoices {
   double refinement_first = 0.03;
   Index refinement_iterations = 0;  // 0: no refinement
   std::vector<Index> jumps = {};    // ascending steps at which the matrices jump in EM
+  std::vector<Index> delays = {};   // as in IdentifyOptions
 };
 
 // Do the outputs respond to the inputs of the same step? If not, D_k = 0.
@@ -98,6 +99,10 @@ struct IdentifyOptions {
   // Ascending steps K at which the matrices jump: the penalty of EM does not couple the steps K-1 and K. Empty: the
   // steps that cross-validation finds. No steps: no jumps.
   std::optional<std::vector<Index>> jumps = {};
+  // (r) Dead times in steps: the outputs respond to input i first after delays[i] steps more than the state needs. As
+  // many of the n states hold the inputs that are on their way. Empty vector: no dead time. Without a value: by a test,
+  // unless n, p or TVERA is stated.
+  std::optional<std::vector<Index>> delays = {};
   // Weighting of the subspace realisation. Empty: by cross-validation if steps share a model, else one_step.
   std::optional<Weighting> weighting = {};
   // (m) Weights of the outputs: numbers from 0 on, not all 0. Only their ratios matter. Empty: all outputs count alike.

@@ -119,6 +119,7 @@ NoisyChoices choices_of(nb::handle choices) {
   result.refinement_first = number(choices, "refinement_first");
   result.refinement_iterations = nb::cast<Index>(choices.attr("refinement_iterations"));
   result.jumps = nb::cast<std::vector<Index>>(choices.attr("jumps"));
+  result.delays = nb::cast<std::vector<Index>>(choices.attr("delays"));
   return result;
 }
 

@@ -301,7 +301,8 @@ nb::any object_of(const NoisyChoices& c) {
                                {"refinement_smoothing", c.refinement_smoothing},
                                {"refinement_first", c.refinement_first},
                                {"refinement_iterations", c.refinement_iterations},
-                               {"jumps", c.jumps}});
+                               {"jumps", c.jumps},
+                               {"delays", c.delays}});
 }
 
 nb::any object_of(const FeedthroughChoice& c) {

@@ -33,7 +33,7 @@ MEANT = {
     "identify input_units": {"None"}, "load path": COUNT, "save path": COUNT,
 }
 # None leaves the choice to tokid.
-for _name in ("states", "lags", "method", "smoothing", "jumps", "weighting", "initial_state", "nominal", "rows", "cols"):
+for _name in ("states", "lags", "method", "smoothing", "jumps", "delays", "weighting", "initial_state", "nominal", "rows", "cols"):
     MEANT[f"identify {_name}"] = {"None"} | MEANT.get(_name, set())
 MEANT["plan initial_state"] = {"None"}
 MEANT["cross_validate seed"] = MEANT["modes seed"] = {"0", "None"}

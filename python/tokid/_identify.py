@@ -38,6 +38,7 @@ def identify(
     feedthrough: Union[bool, str, None] = None,
     period: Union[int, str] = 0,
     jumps: Union[int, str, Sequence[int]] = "auto",
+    delays: Union[int, str, Sequence[int]] = "auto",
     weighting: str = "auto",
     output_weights: Union[str, Sequence[float]] = "equal",
     refine: Union[bool, str, None] = None,
@@ -94,6 +95,9 @@ def identify(
     jumps : list of int, int, "none" or "auto"
         Ascending steps from which on the matrices are others, such as the step of a gear shift: the penalty of EM does
         not couple a step K with the step before. "auto": the steps that cross-validation finds, if the data are noisy.
+    delays : list of r int, "none" or "auto"
+        Dead time of each input in steps: as many states hold the inputs on their way. "auto": by cross-validation,
+        unless `states` or `lags` is given.
     weighting : {"auto", "one-step", "many-steps", "projection"}
         The outputs that the states explain best: one step ahead, many steps ahead, or by projection (PO-MOESP). "auto":
         by cross-validation if steps share a model, else "one-step".

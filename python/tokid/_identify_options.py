@@ -19,6 +19,7 @@ class IdentifyOptions(TypedDict, total=False):
     feedthrough: Union[bool, str, None]
     period: Union[int, str]
     jumps: Union[int, str, Sequence[int]]
+    delays: Union[int, str, Sequence[int]]
     weighting: str
     output_weights: Union[str, Sequence[float]]
     refine: Union[bool, str, None]

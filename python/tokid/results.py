@@ -546,6 +546,8 @@ class NoisyChoices(_Result):
         Iterations of EM. 0: no refinement.
     jumps : list of int
         Steps at which the matrices jump in EM.
+    delays : list of int
+        Dead time of each input in steps. Empty: none.
     """
 
     variation: TimeVariation
@@ -555,6 +557,7 @@ class NoisyChoices(_Result):
     refinement_first: float
     refinement_iterations: int
     jumps: list[int]
+    delays: list[int]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

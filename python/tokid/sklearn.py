@@ -34,7 +34,7 @@ class LTVIdentifier(RegressorMixin, BaseEstimator):  # type: ignore[misc, unused
     ----------
     dt : float, default 1.0
         Sample time [s].
-    states, lags, method, smoothing, feedthrough, period, jumps, weighting, output_weights, refine
+    states, lags, method, smoothing, feedthrough, period, jumps, delays, weighting, output_weights, refine
         As in `tokid.identify`.
     initial_state, nominal, frame, reference_step, outliers, rows, cols, threads
         As in `tokid.identify`.
@@ -87,6 +87,7 @@ class LTVIdentifier(RegressorMixin, BaseEstimator):  # type: ignore[misc, unused
         feedthrough: Union[bool, str, None] = None,
         period: Union[int, str] = 0,
         jumps: Union[int, str, Sequence[int]] = "auto",
+        delays: Union[int, str, Sequence[int]] = "auto",
         weighting: str = "auto",
         output_weights: Union[str, Sequence[float]] = "equal",
         refine: Optional[bool] = None,
@@ -108,6 +109,7 @@ class LTVIdentifier(RegressorMixin, BaseEstimator):  # type: ignore[misc, unused
         self.feedthrough = feedthrough
         self.period = period
         self.jumps = jumps
+        self.delays = delays
         self.weighting = weighting
         self.output_weights = output_weights
         self.refine = refine

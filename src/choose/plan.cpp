@@ -8,6 +8,7 @@
 
 #include "base/integers.hpp"
 #include "data/output_weights.hpp"
+#include "model/input_delays.hpp"
 #include "tokid/markov.hpp"
 #include "tokid/subspace.hpp"
 #include "tokid/tvera.hpp"
@@ -126,7 +127,8 @@ Model from_known_state(Model model, InitialState initial) {
 Index frame_step(const Model& model, const Plan& plan) { return plan.reference_step.value_or(model.full_begin()); }
 
 FramedModel in_frame(Model model, const Plan& plan) {
-  const Index rows = std::max<Index>(plan.lags, ceil_div(std::max<Index>(1, model.states()), model.outputs));
+  const Index rows = latest(plan.choices.delays) +
+                     std::max<Index>(plan.lags, ceil_div(std::max<Index>(1, model.states()), model.outputs));
   if (plan.frame == Frame::reference) return reference_frame(model, frame_step(model, plan), rows);
   const Index begin = model.k_begin, end = model.k_end();
   return {plan.frame == Frame::smooth ? smooth_frame(model, rows) : std::move(model), begin, end};

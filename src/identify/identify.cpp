@@ -30,6 +30,7 @@
 #include "identify/identify.hpp"
 #include "identify/prepare.hpp"
 #include "model/comparison.hpp"
+#include "model/input_delays.hpp"
 #include "model/options.hpp"
 #include "model/outlying_samples.hpp"
 #include "tokid/remarks.hpp"
@@ -272,7 +273,7 @@ void take_evidence(NominalTest nominal, Regressed regression, const RegressionSu
 
 // The model, the plan and the sums in findings of the measured samples, from those of the prepared samples.
 Model measured_model(Model model, const Prepared& prepared) {
-  model = out_of_units(std::move(model), prepared.units);
+  model = out_of_units(of_undelayed(std::move(model), prepared.delays), prepared.units);
   if (prepared.nominal) {
     model.u_nominal = prepared.nominal->u;
     model.y_nominal = prepared.nominal->y;
@@ -287,9 +288,12 @@ Findings measured_findings(Findings findings, const Units& units) {
   return findings;
 }
 
-Plan measured_plan(Plan plan, const Units& units) {
+Plan measured_plan(Plan plan, const Prepared& prepared) {
+  const Units& units = prepared.units;
   if (plan.output_size.size() > 0) plan.output_size = plan.output_size.cwiseProduct(units.output);
   if (plan.input_size.size() > 0) plan.input_size = plan.input_size.cwiseProduct(units.input);
+  plan.choices.delays = prepared.delays;
+  if (plan.states > 0) plan.states += held_inputs(prepared.delays);
   return plan;
 }
 
@@ -306,6 +310,17 @@ Model first_model(const Model& model, const Plan& plan, const Prepared& prepared
   found.model.provenance.data = {fingerprint(training)};
   found.model.provenance.dt_stated = training.dt_stated;
   return std::move(found.model);
+}
+
+// The stated states include those that hold inputs on their way.
+IdentifyOptions without_held_inputs(IdentifyOptions options, const std::vector<Index>& delays) {
+  const Index held = held_inputs(delays);
+  if (held == 0 || !options.states) return options;
+  if (*options.states <= held)
+    throw std::invalid_argument(fmt::format(
+        "states: {} found, more than {} needed, because the dead times alone need these", *options.states, held));
+  *options.states -= held;
+  return options;
 }
 
 // The arguments of identified().
@@ -353,8 +368,9 @@ Identification identified(const Ensemble& used, const Vector& weights, const Mea
   check_method(data, options);
   append(findings, findings_of_lags(data, options));
 
+  const IdentifyOptions of_plant = without_held_inputs(options, prepared.delays);
   const Selection selection = selection_samples(data, options);
-  Regressed regression = regressed(data, selection, nominal, options);
+  Regressed regression = regressed(data, selection, nominal, of_plant);
   if (const Index needed = experiments_for(data, regression.plan.lags, regression.plan); !regression.plan.coupled)
     if (const Index end = reached(training, needed).end; end < training.steps())
       return identified_before(end, needed, training, task);
@@ -370,9 +386,9 @@ Identification identified(const Ensemble& used, const Vector& weights, const Mea
       on_model(first_model(model, plan, prepared, training, options));
     };
   Realised realisation =
-      realised(std::move(prepared.data), selection, regression.plan, std::move(regression.arx), options, before_em);
+      realised(std::move(prepared.data), selection, regression.plan, std::move(regression.arx), of_plant, before_em);
   append(findings, std::move(realisation.findings));
-  result.plan = measured_plan(std::move(realisation.plan), prepared.units);
+  result.plan = measured_plan(std::move(realisation.plan), prepared);
   result.model = measured_model(std::move(realisation.model), prepared);
   append(findings, findings_of_free_responses(training.free, result.plan));
   append(findings, findings_of_absent_states(result.model));
@@ -506,7 +522,7 @@ Provenance origin_of(const IdentifyOptions& options, bool chosen, const Identifi
   origin.options->choices.reset();
   origin.options->execution = {};
   origin.experiments = result.experiments;
-  if (result.plan.coupled && chosen) origin.choices = result.plan.choices;
+  if ((result.plan.coupled && chosen) || !result.plan.choices.delays.empty()) origin.choices = result.plan.choices;
   if (result.refinement.iterations > 0) origin.refinement = {result.refinement.smoothing, result.refinement.iterations};
   origin.feedthrough = result.plan.feedthrough;
   origin.version = version;

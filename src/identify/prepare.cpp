@@ -1,11 +1,15 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "identify/prepare.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <stdexcept>
 #include <utility>
 
+#include "choose/input_delays.hpp"
 #include "choose/regression.hpp"
+#include "model/input_delays.hpp"
 #include "tokid/corrections.hpp"
 
 namespace tokid {
@@ -42,6 +46,25 @@ void remove_nominal(const Vector& weights, Index period, Prepared& result) {
   data.free = free_departures(data.free);
 }
 
+// Those that are stated, or are found.
+std::vector<Index> delays_of(const Ensemble& departures, const IdentifyOptions& options) {
+  if (options.choices) return options.choices->delays;
+  if (!options.delays) {
+    const bool stated = options.lags || options.states || options.method == Method::tvera;
+    return stated ? std::vector<Index>{}
+                  : find_delays(*selection_samples(departures, options).samples, options.execution);
+  }
+  if (options.delays->empty()) return {};
+  const Index found = Index(options.delays->size()), longest = latest(*options.delays);
+  if (found != departures.inputs())
+    throw std::invalid_argument(
+        fmt::format("delays: {} found, {} needed, one for each input", found, departures.inputs()));
+  if (longest >= departures.steps())
+    throw std::invalid_argument(
+        fmt::format("delays: {} steps found, less than the {} steps of the data needed", longest, departures.steps()));
+  return longest > 0 ? *options.delays : std::vector<Index>{};
+}
+
 }  // namespace
 
 Prepared prepare(const Ensemble& measured, const Vector& weights, const IdentifyOptions& options) {
@@ -51,6 +74,8 @@ Prepared prepare(const Ensemble& measured, const Vector& weights, const Identify
   if (weights.minCoeff() < 1) result.data = weighted(std::move(result.data), weights);
   result.units = units_of(result.data);
   result.data = in_units(std::move(result.data), result.units);
+  result.delays = delays_of(result.data, options);
+  if (!result.delays.empty()) result.data = delayed(std::move(result.data), result.delays);
   return result;
 }
 

@@ -46,6 +46,7 @@ void check(const IdentifyOptions& o) {
   if (o.period > 0) refuse("period", std::to_string(o.period), "state no period");
   if (o.smoothing && std::isinf(*o.smoothing)) refuse("smoothing", "infinity", "state a finite smoothing");
   if (o.jumps && !o.jumps->empty()) refuse("jumps", std::to_string(o.jumps->front()), "state no jumps");
+  if (o.delays && !o.delays->empty()) refuse("delays", find_option("delays")->write(o).dump(), "state no delays");
   if (o.outliers != OutlierChoice::keep)
     refuse("outliers", find_option("outliers")->write(o).get<std::string>(),
            "use outliers keep: tokid then names the outliers and keeps them");
@@ -333,6 +334,7 @@ Decision decide(const EnsembleFile& file, const IdentifyOptions& options, const 
   o.hold_out = 0.0;
   o.frame = Frame::raw;
   o.jumps = std::vector<Index>{};  // the steps of a stretch are not those of the blocks
+  o.delays = std::vector<Index>{};
   o.execution.progress = {};
 
   NominalTest nominal;

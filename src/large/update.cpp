@@ -54,6 +54,9 @@ UpdateState update_state(const Ensemble& data, const Identification& result, con
     throw std::invalid_argument(
         "free responses: free responses found, but a state file of the method tvera can't contain them; data without "
         "free responses needed");
+  if (!result.plan.choices.delays.empty())
+    throw std::invalid_argument(
+        "delays: dead times found, but a state file can't contain them; state that there are none, or write no state file");
   if (result.plan.noisy && result.model.states() == 0)
     throw std::invalid_argument(
         "states: no state can be distinguished from the noise, but a state file needs at least one");

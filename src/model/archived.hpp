@@ -43,7 +43,7 @@ template <class Archive, class C>
 requires std::is_same_v<std::remove_const_t<C>, NoisyChoices>
 void fields(Archive& archive, C& c) {
   archive(c.variation, c.state_smoothing, c.weighting, c.refinement_smoothing, c.refinement_first,
-          c.refinement_iterations, c.jumps);
+          c.refinement_iterations, c.jumps, c.delays);
 }
 
 template <class Archive, class C>
@@ -57,10 +57,10 @@ template <class Archive, class O>
 requires std::is_same_v<std::remove_const_t<O>, IdentifyOptions>
 void fields(Archive& archive, O& o) {
   // A field more does not compile here until it is archived.
-  auto& [states, lags, method, smoothing, feedthrough, period, jumps, weighting, output_weights, refine, initial_state,
-         nominal, frame, reference_step, hold_out, outliers, rows, cols, choices, execution] = o;
-  archive(states, lags, method, smoothing, feedthrough, period, jumps, weighting, output_weights, refine, initial_state,
-          nominal, frame, reference_step, hold_out, outliers, rows, cols);
+  auto& [states, lags, method, smoothing, feedthrough, period, jumps, delays, weighting, output_weights, refine,
+         initial_state, nominal, frame, reference_step, hold_out, outliers, rows, cols, choices, execution] = o;
+  archive(states, lags, method, smoothing, feedthrough, period, jumps, delays, weighting, output_weights, refine,
+          initial_state, nominal, frame, reference_step, hold_out, outliers, rows, cols);
   static_cast<void>(choices), static_cast<void>(execution);  // not part of a provenance
 }
 

@@ -104,6 +104,26 @@ Values<std::vector<Index>> ascending_steps() {
           .read = jumps_of};
 }
 
+std::optional<std::vector<Index>> delays_of(const Json& json) {
+  if (json == "none") return std::vector<Index>{};
+  const Json list = list_of(json);
+  if (!list.is_array() || list.empty()) return std::nullopt;
+  std::vector<Index> delays;
+  for (const Json& entry : list) {
+    if (!entry.is_number_integer() || entry < 0 || entry > last_step) return std::nullopt;
+    delays.push_back(entry.get<Index>());
+  }
+  return delays;
+}
+
+Values<std::vector<Index>> delays_of_inputs() {
+  return {.placeholder = "D[,D...]|none",
+          .range = fmt::format("a number of steps from 0 to {} for each input", last_step),
+          .words = {"none"},
+          .write = [](const std::vector<Index>& delays) { return delays.empty() ? Json("none") : Json(delays); },
+          .read = delays_of};
+}
+
 std::optional<std::vector<double>> output_weights_of(const Json& json) {
   if (json == "equal") return std::vector<double>{};
   const Json list = list_of(json);
@@ -191,6 +211,8 @@ std::vector<Option> table() {
       option("period", &O::period, period_of_steps(), "Steps k, k+P, k+2P, ... share one model"),
       option("jumps", &O::jumps, or_auto(ascending_steps()),
              "Steps at which the matrices jump (auto: found by cross-validation)"),
+      option("delays", &O::delays, or_auto(delays_of_inputs()),
+             "Dead times of the inputs in steps (auto: found by cross-validation, unless states or lags are given)"),
       option("weighting", &O::weighting,
              or_auto(one_of<Weighting>({{"one-step", Weighting::one_step},
                                         {"many-steps", Weighting::many_steps},

@@ -57,6 +57,7 @@ const std::map<std::string, Words> meaningful = {
     {"FRACTION", {"0", "0.5"}},
     {"H", count},
     {"K", whole},
+    {"D[,D...]|none|auto", with(whole, {"0,5", " 5", "5 ", "none", "auto"})},
     {"K,...", with(whole, {"0,5"})},
     {"K[,K...]|none|auto", with(count, {" 5", "5 ", "none", "auto"})},
     {"L|auto", with(real, {"infinity", "auto", "inf"})},

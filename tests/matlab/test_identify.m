@@ -105,7 +105,7 @@ throws('tokid:input', 'absent.npz', @() tokid.identify('absent.npz'));
 throws('tokid:option', 'option ''lags'': ''x'' found, a whole number from 1 to 1000000 or auto needed', ...
        @() tokid.identify(data, 'lags', 'x'));
 throws('tokid:option', 'option ''lags'': ''2.5'' found', @() tokid.identify(data, 'lags', 2.5));
-throws('tokid:option', 'identify: option ''lag'' found, one of block, cols, dt,', @() tokid.identify(data, 'lag', 2));
+throws('tokid:option', 'identify: option ''lag'' found, one of block, cols, delays, dt,', @() tokid.identify(data, 'lag', 2));
 throws('tokid:option', 'option ''lags'' has no value', @() tokid.identify(data, 'lags'));
 throws('tokid:option', 'option ''dt'' has no value', @() tokid.identify(data.u, data.y, 'dt'));
 throws('tokid:option', 'hold_out, initial_state, input_names,', @() tokid.identify(data, 'lag', 2)); % once each

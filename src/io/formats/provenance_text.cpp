@@ -39,7 +39,8 @@ Json json_of(const NoisyChoices& choices) {
           {"refinement_smoothing", penalty(choices.refinement_smoothing)},
           {"refinement_first", choices.refinement_first},
           {"refinement_iterations", choices.refinement_iterations},
-          {"jumps", choices.jumps}};
+          {"jumps", choices.jumps},
+          {"delays", choices.delays}};
 }
 
 Json json_of(const Corrections& corrections) {
@@ -87,9 +88,11 @@ std::optional<NoisyChoices> choices_of(const Json& json) {
   const auto period = count_of(at("period")), iterations = count_of(at("refinement_iterations"));
   IdentifyOptions others;
   weighting_option().read(others, at("weighting"));
-  // Models of older versions have no jumps, and models without jumps an empty list.
+  // Models of older versions have no jumps and no dead times, and models without them empty lists.
   const Json jumps = at("jumps");
   if (jumps.is_array() && !jumps.empty()) find_option("jumps")->read(others, jumps);
+  const Json delays = at("delays");
+  if (delays.is_array() && !delays.empty()) find_option("delays")->read(others, delays);
   if (!smoothing || !states || !em || !period || !iterations || !others.weighting) return std::nullopt;
   // Nor have they the λ with which EM begins.
   const double first = penalty(at("refinement_first")).value_or(NoisyChoices{}.refinement_first);
@@ -99,7 +102,8 @@ std::optional<NoisyChoices> choices_of(const Json& json) {
                       *em,
                       first,
                       *iterations,
-                      others.jumps.value_or(std::vector<Index>{})};
+                      others.jumps.value_or(std::vector<Index>{}),
+                      others.delays.value_or(std::vector<Index>{})};
 }
 
 std::optional<EmRun> refinement_of(const Json& json) {

@@ -1,0 +1,25 @@
+// Dead times: inputs that act some steps later, and the states that hold them until then.
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <vector>
+
+#include "tokid/model.hpp"
+
+namespace tokid {
+
+// `delays`: (r) steps of dead time of each input.
+
+// Input i of a step becomes that of delays[i] steps earlier. Before the first step, inputs are zero.
+Ensemble delayed(Ensemble ensemble, const std::vector<Index>& delays);
+
+// The number of states that hold inputs on their way.
+Index held_inputs(const std::vector<Index>& delays);
+// The longest dead time; 0 if there is none.
+Index latest(const std::vector<Index>& delays);
+
+// The model of the inputs themselves, from a model of the delayed inputs. Its states are those of `model`, and after
+// them for each input the inputs of the steps before, the last one first.
+Model of_undelayed(Model model, const std::vector<Index>& delays);
+
+}  // namespace tokid
