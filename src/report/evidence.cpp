@@ -68,16 +68,26 @@ double chance_agreement(const Ensemble& data, Index input, double distance) {
   return pairs > 0 ? double(close) / double(pairs) : 1.0;
 }
 
+// Does the mean motion of the inputs differ between steps that share their matrices? Only differences between
+// experiments are then left.
+bool has_mean_of_each_step(const Model& model) {
+  const Index others = model.u_nominal.rows() - model.period;
+  return others > 0 && model.u_nominal.topRows(others) != model.u_nominal.bottomRows(others);
+}
+
 void assess_inputs(const Model& model, const Ensemble& data, Evidence& found) {
   std::vector<WeakInput>& result = found.weak_inputs;
-  found.inputs_over_time = model.period > 0;
+  const bool shared = model.period > 0, each_step = shared && has_mean_of_each_step(model);
+  found.inputs_over_time = shared && !each_step;
   found.input_spread.assign(size_t(data.inputs()), nan);
-  if (found.inputs_over_time) {  // differences over time are as useful as differences between experiments
+  if (shared) {  // differences at any step help
     for (Index i = 0; i < data.inputs(); ++i) {
       const ChannelSummary s = channel_summary(data, i);
       if (s.samples < 2) continue;
       ++found.assessed_inputs;
-      if (s.min == s.max) result.push_back({i, {}, 0.0, true});
+      const std::vector<double> spread = each_step ? spreads(data, i) : std::vector<double>{s.max - s.min};
+      if (std::none_of(spread.begin(), spread.end(), [](double x) { return x > 0; }))
+        result.push_back({i, {}, 0.0, true});
     }
     return;
   }
