@@ -6,6 +6,7 @@
 
 #include "base/nan.hpp"
 #include "data/output_weights.hpp"
+#include "data/rows.hpp"
 #include "tokid/plan.hpp"
 #include "tokid/validate.hpp"
 
@@ -111,6 +112,28 @@ Index first_scored(InitialState initial, Index lags, Index period) {
   return initial == InitialState::zero ? 0 : period > 0 ? lags : 2 * lags;
 }
 
+namespace {
+
+// Squared error of the outputs that a regression computes from the inputs alone, over the squared outputs: mean of the
+// logs of all outputs. The outputs before step `first` are given. Missing samples count as zero.
+double simulation_error(const GtvArx& arx, const Ensemble& measured, Index first) {
+  const Index m = measured.outputs(), d = measured.channels();
+  Ensemble e = measured;
+  e.samples() = measured.samples().array().isNaN().select(0.0, measured.samples());
+  Vector errors = Vector::Zero(m), sizes = errors;
+  for (Index k = first; k < e.steps(); ++k) {
+    const Index from = (k - arx.step[size_t(k)].lags) * d;
+    e.output(k) = (e.samples().middleCols(from, arx.regressors(k)) * arx.coefficients(k).transpose()).eval();
+    const Eigen::ArrayXXd y = measured.output(k), error = y - e.output(k).array();
+    errors += error.isNaN().select(0.0, error.square()).colwise().sum().matrix().transpose();
+    sizes += error.isNaN().select(0.0, y.square()).colwise().sum().matrix().transpose();
+  }
+  const Eigen::ArrayXd relative = (sizes.array() > 0).select(errors.array() / sizes.array(), 1.0);
+  return relative.isFinite().all() ? relative.max(1e-24).log().mean() : std::numeric_limits<double>::infinity();
+}
+
+}  // namespace
+
 Folds::Folds(const Ensemble& ensemble, const Options& options) : options_(options) {
   const Index count = fold_count(ensemble.experiments());
   first_ = first_scored(options.initial_state, options.lags, options.variation.period);
@@ -135,6 +158,10 @@ Folds::Folds(const Ensemble& ensemble, const Options& options) : options_(option
       }
     }
   });
+  double error = 0.0;
+  for (const Fold& own : folds_)
+    error += simulation_error(own.arx, own.data.held_out, std::max(own.arx.k_begin, first_));
+  simulates_ = !(error > 0.0);
 }
 
 std::optional<std::vector<Errors>> Folds::errors_of_folds(size_t count, Index states,
@@ -150,6 +177,7 @@ std::optional<std::vector<Errors>> Folds::errors_of_folds(size_t count, Index st
       const Ensemble& held_out = folds_[size_t(f)].data.held_out;
       found[size_t(f)] = errors_of(computed_by(std::move(model), held_out, options_.initial_state, first), held_out,
                                    options_.output_weights, size_t(f) < like.size() ? &like[size_t(f)] : nullptr);
+      if (!simulates_) found[size_t(f)].simulation = 0.0;
       complete[size_t(f)] = 1;
     }
   });
@@ -166,6 +194,42 @@ Model Folds::start(size_t f, Index states, Weighting weighting, double smoothing
   o.state_smoothing = smoothing;
   const Fold& own = folds_[f];
   return from_known_state(realise(own.data.training, own.arx, own.factors.at(weighting), o), options_.initial_state);
+}
+
+std::vector<Model> Folds::models_of(const OrderScores& scores) const {
+  std::vector<Model> models;
+  for (size_t f = 0; f < std::min(folds_.size(), size_t(most_refined)); ++f)
+    models.push_back(start(f, scores.best, scores.weighting, scores.smoothing));
+  return models;
+}
+
+std::pair<HeldOutError, HeldOutError> Folds::compared(const std::vector<Model>& models, const Rival& rival) const {
+  const Index m = folds_.front().data.training.outputs(), count = Index(folds_.size());
+  std::vector<Squares> of_models(models.size());
+  parallel_for(0, Index(models.size()), {options_.execution.threads, {}}, [&](Index begin, Index end) {
+    for (Index f = begin; f < end; ++f) {
+      const Ensemble& held_out = folds_[size_t(f)].data.held_out;
+      Squares& own = of_models[size_t(f)] = Squares(held_out.experiments(), rival.squares.errors.cols());
+      const Model model = of_departures(models[size_t(f)], held_out);
+      for (size_t i = 0; i < rival.horizons.size(); ++i) {
+        const Index h = rival.horizons[i];
+        const Ensemble y = predict(model, held_out, {h, options_.initial_state}).y;
+        for (Index s = rival.from; s + h <= held_out.steps(); ++s)
+          if (i == 0 || begins_far(s, held_out.steps(), rival.horizons))
+            own.add(Index(i), y.output(s + h - 1), held_out, s + h - 1);
+      }
+    }
+  });
+  Squares ours = rival.squares;
+  std::vector<Index> known;
+  for (size_t f = 0; f < models.size(); ++f) {
+    const std::vector<Index> rows = fold_rows(rival.squares.errors.rows(), Index(f), count);
+    ours.errors(rows, Eigen::all) = of_models[f].errors;
+    ours.outputs(rows, Eigen::all) = of_models[f].outputs;
+    known.insert(known.end(), rows.begin(), rows.end());
+  }
+  const Vector weights = weights_of(options_.output_weights, m);
+  return {held_out_error(ours.of(known), weights), held_out_error(rival.squares.of(known), weights)};
 }
 
 // Tries increasing orders. Stops when `patience` orders after the best order had no smaller error.

@@ -5,9 +5,12 @@
 #include <functional>
 #include <map>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "base/search_progress.hpp"
+#include "choose/held_out_error.hpp"
+#include "choose/rival.hpp"
 #include "tokid/choices.hpp"
 #include "tokid/em.hpp"
 #include "tokid/subspace.hpp"
@@ -29,9 +32,6 @@ struct Errors {
   double mean() const { return (3 * one_step + ahead + simulation) / 5; }
 };
 Errors mean_of(const std::vector<Errors>& folds);
-// Smaller relative errors of an output are raised to this share of the largest relative error. Otherwise the logarithm
-// of an exact output, such as a recorded command, would outweigh the errors of all other outputs.
-inline constexpr double least_counted = 1e-3;
 
 // Outputs that a model of departures computes. The outputs are NaN before step `first`, see first_scored().
 struct Computed {
@@ -69,8 +69,16 @@ struct StatedRefinement {
   std::optional<std::vector<Index>> jumps = {};  // ascending steps at which the matrices jump
 };
 
+struct RefinementOfFolds {
+  RefinementChoice choice;
+  std::vector<Model> models;  // of the folds that validate EM, by EM if it is used
+};
+
 class Folds {
  public:
+  // Most folds that validate EM. EM takes longer than all other choices.
+  static constexpr Index most_refined = 3;
+
   struct Options {
     Index lags = 1;
     InitialState initial_state = InitialState::zero;
@@ -86,13 +94,17 @@ class Folds {
 
   // Chooses n, the weighting and the λ of the regressions on states. `states`: n, if it is given.
   OrderScores choose_states(std::optional<Index> states, Index most, const Execution& execution = {}) const;
+  // The models of the folds that validate EM, with these scores and without EM.
+  std::vector<Model> models_of(const OrderScores& scores) const;
+  // The errors of these models of the first folds, and those of the rival for the same experiments and steps.
+  std::pair<HeldOutError, HeldOutError> compared(const std::vector<Model>& models, const Rival& rival) const;
   // Chooses n, the λ of EM and its iterations by the likelihood and the errors of held-out experiments. EM starts from
   // subspace models with the weighting of the scores. It begins with `states`. Then it tries more states, which must
   // raise the likelihood significantly, or fewer, which must not reduce it significantly.
   // If jumps are not stated, they are looked for. `work` counts iterations of one fold. `iteration`: an
   // iteration with all data, in this unit.
-  RefinementChoice choose_refinement(Index states, const OrderRange& orders, const OrderScores& scores,
-                                     const StatedRefinement& stated, SearchProgress& work, double iteration) const;
+  RefinementOfFolds choose_refinement(Index states, const OrderRange& orders, const OrderScores& scores,
+                                      const StatedRefinement& stated, SearchProgress& work, double iteration) const;
 
  private:
   class Likelihood;
@@ -115,6 +127,9 @@ class Folds {
   Options options_;
   Index first_ = 0;
   std::vector<Fold> folds_;
+  // Errors of simulations count. They do not if regressions simulate worse than the mean motion: the plant is
+  // then unstable, or noise moves it more than its inputs.
+  bool simulates_ = true;
 };
 
 }  // namespace tokid

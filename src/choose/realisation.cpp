@@ -25,8 +25,8 @@ constexpr double surely_ahead = 1.5;
 // Or above this share of the variance of these errors that comes from the model.
 constexpr double much_of_model = 0.375;
 
-// Largest order that is tried for noisy data, and most experiments from which the order of TVERA is chosen.
-constexpr Index most_states = 16, most_scored = 64;
+// Most experiments from which the order of TVERA is chosen.
+constexpr Index most_scored = 64;
 // A refined model may not increase an error by more than this factor.
 constexpr double tolerated = 1.1;
 // EM goes on while the one-step error of all experiments exceeds that of the held-out ones by this factor.
@@ -72,7 +72,7 @@ OrderScores score_orders(const Ensemble& data, const GtvArx& arx, const Markov& 
   // The training error of an order is too small, by about the number of its coefficients divided by the number of
   // samples.
   scores.price = 2.0 / 3 * double(data.channels()) / double(data.outputs() * data.experiments());
-  const Index most = std::min({plan.lags * data.outputs(), o.cols * data.inputs(), most_states});
+  const Index most = std::min(plan.lags * data.outputs(), o.cols * data.inputs());
   const Index first = first_scored(plan.initial_state, plan.lags, 0);
   for (Index n = 1; n <= most; ++n) {
     o.states = n;
@@ -259,10 +259,33 @@ void take_steps_of_record(const IdentifyOptions& options, Index begin, Refinemen
   for (const Index step : *options.jumps) choice.jumps.push_back({step});
 }
 
-// Subspace realisation. n, the weighting, λ and EM are chosen by cross-validation error.
-void realise_by_folds(const Ensemble& data, const Selection& selected, const GtvArx& arx,
-                      const IdentifyOptions& options, const BeforeEm& before_em, Realised& result) {
-  Plan& plan = result.plan;
+// The choices of a subspace realisation and of EM, by cross-validation errors.
+struct ChosenByFolds {
+  Plan plan;
+  OrderScores scores;
+  Model start;                                  // of all data, without EM
+  std::optional<RefinementOfFolds> refinement;  // if EM was tried
+  HeldOutError error, of_rival;                 // of the models of the folds, and of the rival; empty without a rival
+
+  bool beaten() const {
+    // A regression and EM often predict alike, and a second search takes much time.
+    constexpr double significant = 2.0;
+    return of_rival.influence.size() > 0 && clearly_smaller(of_rival, error, significant);
+  }
+};
+
+// An iteration of EM with all data, in iterations of one fold.
+double iteration_with_all(const Ensemble& data, const Ensemble& selection) {
+  const double folds = double(fold_count(selection.experiments()));
+  return double(data.experiments() * data.steps()) /
+         ((folds - 1) / folds * double(selection.experiments() * selection.steps()));
+}
+
+ChosenByFolds chosen_by_folds(const Ensemble& data, const Selection& selected, const Plan& decided, const GtvArx& arx,
+                              const std::optional<Rival>& rival, const IdentifyOptions& options,
+                              const BeforeEm& before_em, SearchProgress& work) {
+  ChosenByFolds result;
+  Plan& plan = result.plan = decided;
   const Course course = course_of(options);
   const TimeLeft::Clock::time_point begin = TimeLeft::Clock::now();
   const Ensemble& selection = *selected.samples;
@@ -274,33 +297,46 @@ void realise_by_folds(const Ensemble& data, const Selection& selected, const Gtv
                                 .centred = is_centred(plan),
                                 .output_weights = plan.output_weights,
                                 .execution = in_stage(options.execution, WorkStage::folds, course)});
-  const Index most = std::min(plan.lags * data.outputs(), most_states);
-  const OrderScores& scores = result.order_scores =
+  const Index most = plan.lags * data.outputs();
+  const OrderScores& scores = result.scores =
       folds.choose_states(options.states, most, in_stage(options.execution, WorkStage::states, course));
   plan.choices.state_smoothing = scores.smoothing;
   plan.choices.weighting = scores.weighting;
   if (!options.states) plan.states = scores.best;
-  result.model = realise(data, arx, {}, plan, in_stage(options.execution, WorkStage::realisation, course));
-  if (!tries_em(data, selected, plan, options) || result.model.states() == 0 || result.model.states() < plan.states)
-    return;
-  result.model = with_first_steps(result.model, data, plan.initial_state, options.execution.threads);
+  const auto compare = [&](const std::vector<Model>& models) {
+    if (rival && scores.best > 0) std::tie(result.error, result.of_rival) = folds.compared(models, *rival);
+  };
+  result.start = realise(data, arx, {}, plan, in_stage(options.execution, WorkStage::realisation, course));
+  const Index n = result.start.states();
+  if (!tries_em(data, selected, plan, options) || n == 0 || n < plan.states) {
+    if (rival) compare(folds.models_of(scores));
+    return result;
+  }
+  result.start = with_first_steps(result.start, data, plan.initial_state, options.execution.threads);
   // A stated λ is the λ of the ARX model, not of EM. Only a stated λ of 0 is also the λ of EM.
   const std::optional<double> stated = options.smoothing == 0.0 ? options.smoothing : std::nullopt;
   const OrderRange orders = options.states ? OrderRange{plan.states, plan.states} : OrderRange{1, most};
-  if (before_em) before_em(result.model, plan);
-  // An iteration with all data takes longer than one of a fold.
-  const double iteration =
-      double(data.experiments() * data.steps()) /
-      (double(fold_count(selection.experiments()) - 1) / double(fold_count(selection.experiments())) *
-       double(selection.experiments() * selection.steps()));
-  const StageShares shares = shares_of(WorkStage::em, course);
-  SearchProgress work(options.execution, shares.from, shares.to);
+  if (before_em) before_em(result.start, plan);
   work.tell_time_after(timed_iterations, part_afterwards * seconds_since(begin));
-  RefinementChoice choice = folds.choose_refinement(
-      plan.states, orders, scores, {.smoothing = stated, .jumps = jumps_within(options, selected)}, work, iteration);
+  result.refinement = folds.choose_refinement(plan.states, orders, scores,
+                                              {.smoothing = stated, .jumps = jumps_within(options, selected)}, work,
+                                              iteration_with_all(data, selection));
+  compare(result.refinement->models);
+  return result;
+}
+
+// The model of all data with these choices.
+void realise_by_folds(const Ensemble& data, const Selection& selected, const GtvArx& arx, ChosenByFolds chosen,
+                      const IdentifyOptions& options, SearchProgress& work, Realised& result) {
+  Plan& plan = result.plan = std::move(chosen.plan);
+  result.order_scores = std::move(chosen.scores);
+  result.model = std::move(chosen.start);
+  if (!chosen.refinement) return;
+  RefinementChoice& choice = chosen.refinement->choice;
   take_steps_of_record(options, selected.begin, choice);
   if (choice.iterations > 0) {
-    refine_if_better(data, arx, choice, {work, iteration, options.execution.threads}, result);
+    refine_if_better(data, arx, choice, {work, iteration_with_all(data, *selected.samples), options.execution.threads},
+                     result);
   } else {
     plan.choices.refinement_smoothing = choice.smoothing;
     result.refinement = std::move(choice);
@@ -314,6 +350,27 @@ void realise_by_folds(const Ensemble& data, const Selection& selected, const Gtv
                                .numbers = {{"share", share}, {"horizon", double(OrderScores::horizon)}}});
 }
 
+// Subspace realisation and EM. If the rival predicts clearly better, also with its p and λ; the better one of both
+// models is used.
+void realise_by_folds(const Ensemble& data, const Selection& selected, Regressed& regression,
+                      const IdentifyOptions& options, const BeforeEm& before_em, Realised& result) {
+  const StageShares shares = shares_of(WorkStage::em, course_of(options));
+  SearchProgress work(options.execution, shares.from, shares.to);
+  ChosenByFolds chosen =
+      chosen_by_folds(data, selected, result.plan, regression.arx, regression.rival, options, before_em, work);
+  if (chosen.beaten()) {
+    Regressed other = regressed_as_rival(data, selected, regression.plan.nominal, options, *regression.rival);
+    ChosenByFolds by_other = chosen_by_folds(data, selected, as_asked(data, other.plan, options), other.arx,
+                                             regression.rival, options, before_em, work);
+    if (by_other.error.value < chosen.error.value) {
+      chosen = std::move(by_other);
+      regression = std::move(other);
+      result.instead = true;
+    }
+  }
+  realise_by_folds(data, selected, regression.arx, std::move(chosen), options, work, result);
+}
+
 }  // namespace
 
 Method automatic_method(const Plan& plan) {
@@ -321,8 +378,10 @@ Method automatic_method(const Plan& plan) {
   return exact ? Method::tvera : Method::subspace;
 }
 
-Realised realised(Ensemble&& data, const Selection& selection, const Plan& plan, GtvArx arx,
-                  const IdentifyOptions& options, const BeforeEm& before_em) {
+Realised realised(Ensemble&& data, const Selection& selection, Regressed& regression, const IdentifyOptions& options,
+                  const BeforeEm& before_em) {
+  const Plan plan = regression.plan;
+  GtvArx& arx = regression.arx;
   Realised result;
   result.plan = as_asked(data, plan, options);
   const Execution execution =
@@ -344,7 +403,7 @@ Realised realised(Ensemble&& data, const Selection& selection, const Plan& plan,
                  to = shares_of(WorkStage::em, Course::noisy).to;
     result.model = realised_as(data, std::move(arx), result.plan, share(options.execution, from, to, "EM"));
   } else if (plan.noisy && plan.coupled && selection.samples->experiments() > 1) {
-    realise_by_folds(data, selection, arx, options, before_em, result);
+    realise_by_folds(data, selection, regression, options, before_em, result);
   } else {
     result.model = realise(data, std::move(arx), {}, result.plan, execution);
   }

@@ -15,14 +15,16 @@ struct Realised {
   OrderScores order_scores;
   RefinementChoice refinement;
   Findings findings;
+  bool instead = false;  // of the regression of the rival
 };
 
 // Gets the model before EM, if EM follows, and its plan.
 using BeforeEm = std::function<void(const Model&, const Plan&)>;
 
 // `selection`: see selection_samples(), may refer to `departures`. Frees the samples once they are not needed, because
-// without noise a realisation takes the most memory. \throws as realise() and refine()
-Realised realised(Ensemble&& departures, const Selection& selection, const Plan& plan, GtvArx arx,
+// without noise a realisation takes the most memory. Uses up the coefficients of `regression`, which becomes that of
+// the rival if the model does. \throws as realise() and refine()
+Realised realised(Ensemble&& departures, const Selection& selection, Regressed& regression,
                   const IdentifyOptions& options, const BeforeEm& before_em = {});
 
 // Returns the model of a decided plan, with the EM iterations of the plan. \throws as above

@@ -25,8 +25,6 @@ namespace {
 // A larger order must raise the likelihood by `significant` standard errors, and a smaller order may reduce it by
 // `noticeable` ones. The search for λ goes on while the likelihood rises by more than `noticeable` ones.
 constexpr double significant = 2.0, noticeable = 1.0;
-// Most folds that validate EM. EM takes longer than all other choices.
-constexpr size_t most_refined = 3;
 const double half_decade = std::sqrt(10.0);
 // A usual λ of EM, bounds of the first λ of a search without a ladder, and the largest λ. With a larger one EM does not
 // converge in these stages.
@@ -191,7 +189,7 @@ class Folds::RefinementSearch {
         rest_(rest),
         iteration_(iteration),
         jumps_(std::move(jumps)),
-        count_(std::min(folds.folds_.size(), most_refined)),
+        count_(std::min(folds.folds_.size(), size_t(most_refined))),
         starts_(count_),
         without_em_(count_),
         samples_(count_),
@@ -264,9 +262,9 @@ class Folds::RefinementSearch {
   // EM is used if it predicts clearly better than the subspace models, and not clearly worse by one step: EM that has
   // spoiled its start needs more iterations. If the best attempt is not used, the attempt with the smallest errors may
   // be.
-  RefinementChoice choice() && {
+  RefinementOfFolds choice() && {
     choice_.ahead = choice_.ahead_without_em = certainty(without_em_);
-    if (empty()) return std::move(choice_);
+    if (empty()) return {std::move(choice_), std::move(without_em_)};
     choice_.smoothing = smoothing();
     const double limit = choice_.error - std::log(worth_it);
     for (const Attempt* attempt : {chosen(), least_error()}) {
@@ -279,9 +277,9 @@ class Folds::RefinementSearch {
       choice_.one_step = attempt->errors.one_step;
       choice_.error = attempt->error();
       choice_.ahead = certainty(attempt->models);
-      break;
+      return {std::move(choice_), attempt->models};
     }
-    return std::move(choice_);
+    return {std::move(choice_), std::move(without_em_)};
   }
 
  private:
@@ -775,12 +773,12 @@ class Folds::RefinementSearch {
   RefinementChoice choice_;
 };
 
-RefinementChoice Folds::choose_refinement(Index states, const OrderRange& orders, const OrderScores& scores,
-                                          const StatedRefinement& stated, SearchProgress& work,
-                                          double iteration) const {
+RefinementOfFolds Folds::choose_refinement(Index states, const OrderRange& orders, const OrderScores& scores,
+                                           const StatedRefinement& stated, SearchProgress& work,
+                                           double iteration) const {
   std::vector<Jump> stated_jumps;
   for (const Index step : stated.jumps.value_or(std::vector<Index>{})) stated_jumps.push_back({step});
-  const double fold_count = double(std::min(folds_.size(), most_refined));
+  const double fold_count = double(std::min(folds_.size(), size_t(most_refined)));
   const double last = fold_count * longest,
                beside = orders.most > orders.fewest ? usual_tries_beside * fold_count * longer : 0.0;
   auto best = std::make_unique<RefinementSearch>(*this, states, scores, stated_jumps, work, beside + last, iteration);
@@ -818,9 +816,9 @@ RefinementChoice Folds::choose_refinement(Index states, const OrderRange& orders
   const size_t known = best->trials().size();
   best->finish();
   trials.insert(trials.end(), best->trials().begin() + std::ptrdiff_t(known), best->trials().end());
-  RefinementChoice choice = std::move(*best).choice();
-  choice.trials = std::move(trials);
-  return choice;
+  RefinementOfFolds result = std::move(*best).choice();
+  result.choice.trials = std::move(trials);
+  return result;
 }
 
 namespace {

@@ -220,6 +220,21 @@ void choose_variation(const Ensemble& data, const Ensemble& selection, const Ide
   if (constant) plan.lags = constant->lags;
 }
 
+// The regressions that choose_variation() does not reach.
+std::optional<Rival> rival_beside(const Ensemble& data, const Ensemble& selection, IdentifyOptions options,
+                                  SmoothingOptions o, const Plan& plan) {
+  if (options.period > 0 || options.smoothing || options.lags || options.states || options.choices || options.jumps ||
+      selection.experiments() < 2)
+    return std::nullopt;
+  const TimeVariation& variation = plan.choices.variation;
+  const bool starts_em = options.refine.value_or(true);
+  options.refine = false;
+  o.lags = lag_candidates(selection, data, plan.nominal, o.initial_state, 0, options);
+  return rival_of(selection, o, plan.lags,
+                  variation.period == 1 ? std::numeric_limits<double>::infinity() : variation.smoothing,
+                  starts_em ? enough_for_em : o.lags.back(), Folds::most_refined);
+}
+
 // One regression couples all steps. `known`: the decision about the initial state, if there is one.
 Regressed coupled(const Ensemble& data, const Selection& selected, const Plan& stated, const IdentifyOptions& options,
                   const std::optional<InitialStateTest>& known) {
@@ -245,6 +260,7 @@ Regressed coupled(const Ensemble& data, const Selection& selected, const Plan& s
     throw std::invalid_argument(fmt::format("steps: {} found, lag order {} needs at least {}", selection.steps(),
                                             o.lags.back(), o.lags.back() + 1));
   choose_variation(data, selection, options, o, result);
+  result.rival = rival_beside(data, selection, options, o, plan);
 
   const Index whole = checked_windows(data, plan), unknowns = unknowns_of(data, plan.lags, plan.feedthrough.present);
   if (whole < 2 * unknowns)
@@ -321,6 +337,16 @@ Regressed regressed(const Ensemble& data, const Selection& selection, bool nomin
       in_stage(options.execution, WorkStage::feedthrough, result.plan.coupled ? course_of(options) : Course::exact));
   if (!result.plan.feedthrough.present) result.arx = regressions(data, result.plan, {options.execution.threads, {}});
   append(result.findings, findings_of(result.plan.feedthrough, data.names));
+  return result;
+}
+
+Regressed regressed_as_rival(const Ensemble& data, const Selection& selection, bool nominal,
+                             const IdentifyOptions& options, const Rival& rival) {
+  IdentifyOptions stated = options;
+  stated.lags = rival.lags;
+  stated.smoothing = rival.smoothing;
+  Regressed result = regressed(data, selection, nominal, stated);
+  if (std::isinf(rival.smoothing)) result.findings.push_back({.kind = Finding::Kind::no_variation});
   return result;
 }
 

@@ -4,8 +4,10 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <vector>
 
+#include "choose/rival.hpp"
 #include "tokid/choices.hpp"
 #include "tokid/lag_orders.hpp"
 #include "tokid/plan.hpp"
@@ -19,6 +21,7 @@ struct Regressed {
   InitialStateTest initial_state_test;
   LagOrderErrors lag_order_errors;   // from regressions of each step alone
   SmoothingChoice smoothing_choice;  // from coupled steps
+  std::optional<Rival> rival;        // of coupled steps that vary, unless p, λ or jumps are stated
   Findings findings;
 };
 
@@ -35,6 +38,10 @@ Selection selection_samples(const Ensemble& data, const IdentifyOptions& options
 // \throws std::invalid_argument for too few experiments, steps or windows without a gap
 Regressed regressed(const Ensemble& departures, const Selection& selection, bool nominal,
                     const IdentifyOptions& options);
+
+// Takes the p and λ of a rival.
+Regressed regressed_as_rival(const Ensemble& departures, const Selection& selection, bool nominal,
+                             const IdentifyOptions& options, const Rival& rival);
 
 // Fits the regression of a decided plan. \throws std::invalid_argument as above
 GtvArx regressed_as(const Ensemble& departures, const Plan& plan, const Execution& execution);

@@ -374,19 +374,25 @@ Identification identified(const Ensemble& used, const Vector& weights, const Mea
   if (const Index needed = experiments_for(data, regression.plan.lags, regression.plan); !regression.plan.coupled)
     if (const Index end = reached(training, needed).end; end < training.steps())
       return identified_before(end, needed, training, task);
-  append(findings, std::move(regression.findings));
-  const RegressionSurvey survey = survey_of(regression.arx, nominal, 0, regression.arx.steps());
-  append(findings,
-         measured_findings(findings_of_regressions(data, samples, regression, survey, options), prepared.units));
-
-  const Index regressed_from = regression.arx.k_begin;
   BeforeEm before_em;
   if (on_model)
     before_em = [&](const Model& model, const Plan& plan) {
       on_model(first_model(model, plan, prepared, training, options));
     };
-  Realised realisation =
-      realised(std::move(prepared.data), selection, regression.plan, std::move(regression.arx), of_plant, before_em);
+  RegressionSurvey survey;
+  Findings of_regressions;
+  Index regressed_from = 0;
+  const auto examine = [&] {
+    survey = survey_of(regression.arx, nominal, 0, regression.arx.steps());
+    of_regressions = std::move(regression.findings);
+    append(of_regressions,
+           measured_findings(findings_of_regressions(data, samples, regression, survey, options), prepared.units));
+    regressed_from = regression.arx.k_begin;
+  };
+  examine();
+  Realised realisation = realised(std::move(prepared.data), selection, regression, of_plant, before_em);
+  if (realisation.instead) examine();
+  append(findings, std::move(of_regressions));
   append(findings, std::move(realisation.findings));
   result.plan = measured_plan(std::move(realisation.plan), prepared);
   result.model = measured_model(std::move(realisation.model), prepared);

@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "choose/held_out_error.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace tokid {
+
+Squares Squares::of(const std::vector<Index>& experiments) const {
+  Squares result;
+  result.errors = errors(experiments, Eigen::all);
+  result.outputs = outputs(experiments, Eigen::all);
+  return result;
+}
+
+void Squares::add(Index i, const ConstMatrixRef& predicted, const Ensemble& measured, Index k) {
+  const Index m = measured.outputs();
+  const auto y = measured.output(k);
+  const auto counted = ((y - predicted).array() * 0.0 == 0.0).eval();
+  errors.middleCols(i * m, m).array() += counted.select((y - predicted).array().square(), 0.0);
+  outputs.middleCols(i * m, m).array() += counted.select(y.array().square(), 0.0);
+}
+
+std::vector<Index> horizons_within(Index steps) {
+  std::vector<Index> result;
+  for (const Index h : {1, 5, 20})
+    if (result.empty() || 2 * h <= steps) result.push_back(h);
+  return result;
+}
+
+bool begins_far(Index step, Index steps, const std::vector<Index>& horizons) {
+  return step % 2 == 0 && step + horizons.back() <= steps;
+}
+
+HeldOutError held_out_error(const Squares& s, const Vector& weights) {
+  const Index m = weights.size(), horizons = s.errors.cols() / std::max<Index>(1, m);
+  HeldOutError result{0.0, Vector::Zero(s.errors.rows())};
+  const double count = double(s.errors.rows());
+  for (Index i = 0; i < horizons; ++i) {
+    Vector share = Vector::Zero(m);
+    for (Index j = 0; j < m; ++j)
+      if (const double y = s.outputs.col(i * m + j).sum(); y > 0) share(j) = s.errors.col(i * m + j).sum() / y;
+    const double least = std::max(1e-300, least_counted * least_counted * share.maxCoeff());
+    for (Index j = 0; j < m; ++j) {
+      const Index c = i * m + j;
+      const double y = s.outputs.col(c).sum(), weight = weights(j) / (weights.sum() * double(horizons));
+      if (!(y > 0) || (i > 0 && share(j) >= 1)) continue;
+      result.value += weight * 0.5 * std::log(std::max(share(j), least));
+      if (share(j) < least) continue;
+      result.influence += weight * 0.5 * count * (s.errors.col(c) / s.errors.col(c).sum() - s.outputs.col(c) / y);
+    }
+  }
+  if (std::isnan(result.value)) result.value = std::numeric_limits<double>::infinity();
+  return result;
+}
+
+bool clearly_smaller(const HeldOutError& a, const HeldOutError& b, double standard_errors) {
+  const double count = double(a.influence.size());
+  const double square = (a.influence - b.influence).squaredNorm() / (count * (count - 1));
+  return count > 1 && a.value < b.value - standard_errors * std::sqrt(square);
+}
+
+}  // namespace tokid

@@ -1,0 +1,46 @@
+// Predictions of held-out experiments → their errors at the horizons of use.
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <limits>
+#include <vector>
+
+#include "tokid/ensemble.hpp"
+
+namespace tokid {
+
+// Smaller relative errors of an output are raised to this share of the largest relative error. Otherwise the logarithm
+// of an exact output, such as a recorded command, would outweigh the errors of all other outputs.
+inline constexpr double least_counted = 1e-3;
+
+// Squared errors and squared outputs of each experiment (N × H·m), at the horizons one after the other.
+struct Squares {
+  Matrix errors, outputs;
+  Squares() = default;
+  Squares(Index experiments, Index columns)
+      : errors(Matrix::Zero(experiments, columns)), outputs(Matrix::Zero(experiments, columns)) {}
+
+  Squares of(const std::vector<Index>& experiments) const;
+  // Adds one step of `measured` at horizon i. NaN in `predicted` (N × m) or in the measured outputs does not count.
+  void add(Index i, const ConstMatrixRef& predicted, const Ensemble& measured, Index k);
+};
+
+// The horizons 1, 5 and 20 that a record of so many steps permits.
+std::vector<Index> horizons_within(Index steps);
+
+// Do predictions of all horizons begin at this step of so many? One step ahead, they begin at every step.
+bool begins_far(Index step, Index steps, const std::vector<Index>& horizons);
+
+// An error of predictions of held-out experiments: the logarithm of error divided by departure, averaged over horizons
+// and outputs. Several steps ahead it is at most 0, the error of predicting the mean motion.
+struct HeldOutError {
+  double value = std::numeric_limits<double>::infinity();
+  Vector influence;  // (N) derivative of `value` with respect to the weight of each experiment; its mean is zero
+};
+// Is error a smaller than b by more than so many standard errors of their difference?
+bool clearly_smaller(const HeldOutError& a, const HeldOutError& b, double standard_errors = 1.0);
+
+// `weights`: of the outputs (m)
+HeldOutError held_out_error(const Squares& squares, const Vector& weights);
+
+}  // namespace tokid

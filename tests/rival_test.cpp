@@ -1,0 +1,134 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Errors of held-out experiments, and regressions that the choice of p and λ does not reach.
+#include "choose/rival.hpp"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Eigenvalues>
+#include <cmath>
+
+#include "base/random.hpp"
+#include "choose/held_out_error.hpp"
+#include "model/input_delays.hpp"
+#include "testing.hpp"
+#include "tokid/identify.hpp"
+
+namespace tokid::testing::rivals {
+namespace {
+
+Squares random_squares(RandomNumbers& random, Index experiments, Index columns) {
+  Squares s(experiments, columns);
+  for (Index c = 0; c < columns; ++c)
+    for (Index n = 0; n < experiments; ++n) {
+      s.outputs(n, c) = 1 + random.uniform();
+      s.errors(n, c) = 0.1 * s.outputs(n, c) * random.uniform();
+    }
+  return s;
+}
+
+TEST(HeldOutErrors, HaveTheDerivativesOfTheWeightsOfExperiments) {
+  RandomNumbers random(1);
+  const Index count = 7;
+  const Squares s = random_squares(random, count, 6);
+  const Vector weights = Vector::Ones(2);
+  const HeldOutError error = held_out_error(s, weights);
+  EXPECT_LT(std::abs(error.influence.sum()), 100 * epsilon);
+  for (Index n = 0; n < count; ++n) {
+    const double step = 1e-6;
+    Squares more = s, less = s;
+    more.errors.row(n) *= 1 + step, more.outputs.row(n) *= 1 + step;
+    less.errors.row(n) *= 1 - step, less.outputs.row(n) *= 1 - step;
+    const double derivative = (held_out_error(more, weights).value - held_out_error(less, weights).value) / (2 * step);
+    // Central differences err by step² and by rounding errors over step.
+    EXPECT_NEAR(error.influence(n) / double(count), derivative, 1e-9);
+  }
+}
+
+TEST(HeldOutErrors, DifferClearlyOnlyIfAllExperimentsAgree) {
+  RandomNumbers random(2);
+  const Vector weights = Vector::Ones(2);
+  const Squares s = random_squares(random, 9, 6);
+  Squares larger = s, other = s;
+  larger.errors *= 1.2;
+  EXPECT_TRUE(clearly_smaller(held_out_error(s, weights), held_out_error(larger, weights), 2.0));
+  EXPECT_FALSE(clearly_smaller(held_out_error(larger, weights), held_out_error(s, weights), 2.0));
+  other.errors.row(0) *= 3.0;  // one experiment alone says nothing
+  EXPECT_FALSE(clearly_smaller(held_out_error(s, weights), held_out_error(other, weights), 2.0));
+}
+
+// Errors above those of the mean motion count as equal to them, but one step ahead.
+TEST(HeldOutErrors, OfDivergedPredictionsAreBounded) {
+  Squares s(3, 2);
+  s.outputs.setOnes();
+  s.errors.col(0).setConstant(4.0);
+  s.errors.col(1).setConstant(1e200);
+  EXPECT_NEAR(held_out_error(s, Vector::Ones(1)).value, 0.5 * std::log(2.0), 10 * epsilon);
+}
+
+// White inputs act 14 steps later on a system of one state.
+Ensemble late(Index experiments, std::uint64_t seed, double noise) {
+  RandomNumbers random(seed);
+  Ensemble e(experiments, 60, 1, 1);
+  for (Index n = 0; n < experiments; ++n)
+    for (Index k = 0; k < 60; ++k) {
+      e.u(n, k, 0) = random.normal();
+      const double before = k > 0 ? e.y(n, k - 1, 0) : 0.0;
+      e.y(n, k, 0) = 0.7 * before + (k >= 15 ? e.u(n, k - 15, 0) : 0.0) + noise * random.normal();
+    }
+  e.initial_state = InitialState::zero;
+  return e;
+}
+
+TEST(Rivals, SeeInputsBeyondTheLagsOfTheChoice) {
+  SmoothingOptions o;
+  o.lags = {1, 2, 4, 8, 12, 16, 24};
+  const std::optional<Rival> rival = rival_of(late(24, 3, 0.1), o, 2, 100.0, 12, 3);
+  ASSERT_TRUE(rival);
+  EXPECT_GE(rival->lags, 16);
+}
+
+TEST(Rivals, TakeOverWhereTheyPredictBetter) {
+  const Identification found = identify(late(24, 4, 0.1), {.delays = std::vector<Index>{}, .refine = false});
+  EXPECT_GE(found.plan.lags, 16);
+  const Ensemble fresh = late(10, 5, 0.0);
+  const Ensemble simulated = simulate(found.model, fresh);
+  double error = 0.0;
+  for (Index k = 0; k < 60; ++k) error += (simulated.output(k) - fresh.output(k)).squaredNorm();
+  EXPECT_LT(std::sqrt(error / 600), 0.1);
+}
+
+// A balancing robot with its wheels under feedback. A model without the unstable state would simulate better.
+Ensemble balancing(Index experiments, Index steps, std::uint64_t seed) {
+  RandomNumbers random(seed);
+  const Matrix A{{1.00319, 0.01992, 0.00015}, {0.31875, 0.99323, 0.01502}, {0, 0, 0.88692}},
+      gain{{0.6816, 0.00008}, {4.16417, 0.00751}, {0, 0.44346}};
+  const Vector B{{-0.00077, -0.07509, 0.5654}};
+  const Eigen::RowVector3d feedback(23.92053, 5.27279, 0.40325);
+  Ensemble e(experiments, steps, 1, 2);
+  for (Index n = 0; n < experiments; ++n) {
+    Vector x = Vector::Zero(3), estimate = x;
+    for (Index k = 0; k < steps; ++k) {
+      const Vector y{{x(0) + 0.002 * random.normal(), x(2) + 0.05 * random.normal()}};
+      const double u = feedback * estimate + 0.6 * random.sign();
+      e.u(n, k, 0) = u;
+      for (Index j = 0; j < 2; ++j) e.y(n, k, j) = y(j);
+      estimate = (A * estimate + B * u + gain * (y - Vector{{estimate(0), estimate(2)}})).eval();
+      x = (A * x + B * u).eval();
+      x(1) += 0.01 * random.normal();
+      x(2) += 0.02 * random.normal();
+    }
+  }
+  e.initial_state = InitialState::zero;
+  return e;
+}
+
+TEST(Choices, KeepTheUnstableState) {
+  for (const std::uint64_t seed : {1, 2, 3}) {
+    const Model model = identify(balancing(20, 100, seed), {.period = 1}).model;
+    EXPECT_EQ(model.states(), 3);
+    EXPECT_NEAR(Matrix(model.step.front().A()).eigenvalues().cwiseAbs().maxCoeff(), 1.078, 0.03);
+  }
+}
+
+}  // namespace
+}  // namespace tokid::testing::rivals
