@@ -402,9 +402,14 @@ Json json(const NominalTest& test, const Model& model, Index inputs) {
                                                                  : model.names.output(departure.channel - inputs)},
                           {"steps", ranges}});
   }
-  return {
-      {"statistic", test.statistic},           {"threshold", test.threshold}, {"step_statistic", test.step_statistic},
-      {"step_threshold", test.step_threshold}, {"departures", departures},    {"significant", test.significant}};
+  return {{"statistic", test.statistic},
+          {"threshold", test.threshold},
+          {"step_statistic", test.step_statistic},
+          {"step_threshold", test.step_threshold},
+          {"constant_statistic", test.constant_statistic},
+          {"constant_threshold", test.constant_threshold},
+          {"departures", departures},
+          {"significant", test.significant}};
 }
 
 Json json(const Call& call, const Data& data, const Identification& result, const Judgement& judgement) {
@@ -593,6 +598,7 @@ void run_at_once(const Call& call) {
   const Identification result = about(call.data, [&call, &data] {
     ProgressBar bar(!call.quiet);
     IdentifyOptions options = call.options;
+    if (!call.state.empty() && !options.delays) options.delays.emplace();  // a state file can't contain dead times
     options.execution.progress = bar.callback();
     return identify(data, options, [&](Model first) {
       constexpr double worth_it = 5.0;  // [s]

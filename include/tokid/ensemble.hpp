@@ -217,7 +217,9 @@ struct NominalTest {
   double step_statistic = 0.0;  // the t² that is largest relative to its bound, of one channel at one step
   double step_threshold = 0.0;  // bound of step_statistic; larger for fewer samples at the step
   std::vector<Departure> departures;
-  bool significant = false;  // true if either test is significant
+  // One model for all steps: F of the constant in a regression of the outputs, and its bound; 0: not tested.
+  double constant_statistic = 0.0, constant_threshold = 0.0;
+  bool significant = false;  // true if a test is significant
 };
 NominalTest test_nominal(const Ensemble& ensemble);
 

@@ -65,6 +65,8 @@ nb::any object_of(const NominalTest& t) {
                               {"threshold", t.threshold},
                               {"step_statistic", t.step_statistic},
                               {"step_threshold", t.step_threshold},
+                              {"constant_statistic", t.constant_statistic},
+                              {"constant_threshold", t.constant_threshold},
                               {"departures", departures},
                               {"significant", t.significant}});
 }

@@ -589,16 +589,20 @@ class NominalTest(_Result):
     step_statistic, step_threshold : float
         The t² of one channel at one step that is largest relative to its bound, and this bound. The bound is corrected
         for the number of channels and steps.
+    constant_statistic, constant_threshold : float
+        F of the constant in a regression of the outputs of a time-invariant system, and its bound. 0: not tested.
     departures : list of Departure
         Channels and steps whose own t² exceeds the bound.
     significant : bool
-        True if either test is significant.
+        True if a test is significant.
     """
 
     statistic: float
     threshold: float
     step_statistic: float
     step_threshold: float
+    constant_statistic: float
+    constant_threshold: float
     departures: list[Departure]
     significant: bool
 

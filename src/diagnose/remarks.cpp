@@ -87,6 +87,9 @@ std::string nominal_remark(const NominalTest& test, const Channels& names, Index
   const std::string step = fmt::format("largest t2 of a step = {}, threshold {}", words::figure(test.step_statistic),
                                        words::figure(test.step_threshold));
   if (!test.significant) return fmt::format("none, no significant mean motion: {}; {}", mean, step);
+  if (test.departures.empty() && test.statistic <= test.threshold)
+    return fmt::format("the mean was removed, because the outputs have a significant constant: F = {}, threshold {}",
+                       words::figure(test.constant_statistic), words::figure(test.constant_threshold));
   if (test.departures.empty())
     return fmt::format("the mean motion was removed, it is significant over all steps together: {}", mean);
   std::vector<std::string> channels;

@@ -7,6 +7,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "choose/constant.hpp"
 #include "choose/input_delays.hpp"
 #include "choose/regression.hpp"
 #include "model/input_delays.hpp"
@@ -32,6 +33,12 @@ bool removes_nominal(const Ensemble& measured, const IdentifyOptions& options, N
   if (options.nominal) return *options.nominal != NominalChoice::none;
   test = test_nominal(options.period > 0 ? *selection_samples(measured, options).samples : measured);
   if (options.period > 0) count_in_phases(test, options.period);
+  if (options.period == 1) {
+    const Constant constant = test_constant(in_units(measured, units_of(measured)));
+    test.constant_statistic = constant.statistic;
+    test.constant_threshold = constant.threshold;
+    test.significant = test.significant || constant.significant();
+  }
   return test.significant;
 }
 
@@ -46,23 +53,34 @@ void remove_nominal(const Vector& weights, Index period, Prepared& result) {
   data.free = free_departures(data.free);
 }
 
+// The mean of a record that starts far from rest is not the point of rest. One model for all steps has no constant, so
+// departures are those from rest.
+void move_to_rest(Prepared& result) {
+  const Units units = units_of(result.data);
+  const Constant constant = test_constant(in_units(result.data, units));
+  if (!constant.significant()) return;
+  const Eigen::RowVectorXd at_rest = constant.at_rest.cwiseProduct(units.output).transpose();
+  for (Index k = 0; k < result.data.steps(); ++k) result.data.output(k).rowwise() -= at_rest;
+  result.nominal->y.rowwise() += at_rest;
+}
+
 // Those that are stated, or are found.
 std::vector<Index> delays_of(const Ensemble& departures, const IdentifyOptions& options) {
-  if (options.choices) return options.choices->delays;
-  if (!options.delays) {
+  if (!options.choices && !options.delays) {
     const bool stated = options.lags || options.states || options.method == Method::tvera;
     return stated ? std::vector<Index>{}
                   : find_delays(*selection_samples(departures, options).samples, options.execution);
   }
-  if (options.delays->empty()) return {};
-  const Index found = Index(options.delays->size()), longest = latest(*options.delays);
-  if (found != departures.inputs())
+  const std::vector<Index>& delays = options.choices ? options.choices->delays : *options.delays;
+  if (delays.empty()) return {};
+  if (Index(delays.size()) != departures.inputs())
     throw std::invalid_argument(
-        fmt::format("delays: {} found, {} needed, one for each input", found, departures.inputs()));
-  if (longest >= departures.steps())
-    throw std::invalid_argument(
-        fmt::format("delays: {} steps found, less than the {} steps of the data needed", longest, departures.steps()));
-  return longest > 0 ? *options.delays : std::vector<Index>{};
+        fmt::format("delays: {} found, {} needed, one for each input", delays.size(), departures.inputs()));
+  for (const Index delay : delays)
+    if (delay < 0 || delay >= departures.steps())
+      throw std::invalid_argument(fmt::format("delays: {} steps found, from 0 to {} needed in data of {} steps", delay,
+                                              departures.steps() - 1, departures.steps()));
+  return held_inputs(delays) > 0 ? delays : std::vector<Index>{};
 }
 
 }  // namespace
@@ -70,7 +88,10 @@ std::vector<Index> delays_of(const Ensemble& departures, const IdentifyOptions& 
 Prepared prepare(const Ensemble& measured, const Vector& weights, const IdentifyOptions& options) {
   Prepared result;
   result.data = measured;
-  if (removes_nominal(result.data, options, result.nominal_test)) remove_nominal(weights, options.period, result);
+  if (removes_nominal(result.data, options, result.nominal_test)) {
+    remove_nominal(weights, options.period, result);
+    if (options.period == 1 && !options.nominal) move_to_rest(result);
+  }
   if (weights.minCoeff() < 1) result.data = weighted(std::move(result.data), weights);
   result.units = units_of(result.data);
   result.data = in_units(std::move(result.data), result.units);
