@@ -109,6 +109,30 @@ TEST(InputDelays, MayBeStated) {
   EXPECT_THROW(identify(data, {.states = 14, .delays = std::vector<Index>{14}}), std::invalid_argument);
 }
 
+// Experiments are examined by regressions that must see the delayed inputs.
+TEST(InputDelays, HideNoExperimentThatDoesNotFit) {
+  Ensemble data = plant(40, 120, {14}, 0.1, 6);
+  for (Index k = 0; k < 120; ++k) data.y(7, k, 0) *= -1;
+  const Identification noisy = identify(data, {.refine = false});
+  ASSERT_FALSE(noisy.plan.choices.delays.empty());
+  ASSERT_EQ(noisy.outliers.size(), 1u);
+  EXPECT_EQ(noisy.outliers.front().experiment, 7);
+  const Identification exact =
+      identify(plant(40, 30, {5}, 0.0, 6), {.method = Method::tvera, .delays = std::vector<Index>{5}});
+  EXPECT_TRUE(exact.outliers.empty());
+}
+
+TEST(InputDelays, OfEarlierChoicesAreChecked) {
+  const Ensemble data = plant(40, 60, {14}, 0.1, 4);
+  const NoisyChoices choices = identify(data, {.refine = false}).plan.choices;
+  for (const std::vector<Index>& wrong : {std::vector<Index>{3, 3}, {-1}, {60}}) {
+    NoisyChoices other = choices;
+    other.delays = wrong;
+    EXPECT_THROW(identify(data, {.states = 16, .lags = 4, .choices = other}), std::invalid_argument);
+  }
+  EXPECT_EQ(identify(data, {.states = 16, .lags = 4, .choices = choices}).plan.choices.delays, choices.delays);
+}
+
 TEST(InputDelays, AreExactWithoutNoise) {
   const Ensemble data = plant(40, 30, {5}, 0.0, 6), fresh = plant(3, 30, {5}, 0.0, 7);
   const Identification found = identify(data, {.method = Method::tvera, .delays = std::vector<Index>{5}});

@@ -65,6 +65,14 @@ TEST(HeldOutErrors, OfDivergedPredictionsAreBounded) {
   EXPECT_NEAR(held_out_error(s, Vector::Ones(1)).value, 0.5 * std::log(2.0), 10 * epsilon);
 }
 
+TEST(HeldOutErrors, OfOneOutputDoNotSpoilThoseOfTheOthers) {
+  Squares s(3, 4);
+  s.outputs.setOnes();
+  s.errors.setConstant(0.01);
+  s.errors.col(2).setConstant(1e8);  // five steps ahead, of the first output
+  EXPECT_NEAR(held_out_error(s, Vector::Ones(2)).value, 0.75 * 0.5 * std::log(0.01), 100 * epsilon);
+}
+
 // White inputs act 14 steps later on a system of one state.
 Ensemble late(Index experiments, std::uint64_t seed, double noise) {
   RandomNumbers random(seed);
@@ -88,7 +96,9 @@ TEST(Rivals, SeeInputsBeyondTheLagsOfTheChoice) {
 }
 
 TEST(Rivals, TakeOverWhereTheyPredictBetter) {
-  const Identification found = identify(late(24, 4, 0.1), {.delays = std::vector<Index>{}, .refine = false});
+  int models = 0;
+  const Identification found = identify(late(24, 4, 0.1), {.delays = std::vector<Index>{}}, [&](Model) { ++models; });
+  EXPECT_EQ(models, 1);  // before EM
   EXPECT_GE(found.plan.lags, 16);
   const Ensemble fresh = late(10, 5, 0.0);
   const Ensemble simulated = simulate(found.model, fresh);

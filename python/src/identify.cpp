@@ -42,6 +42,7 @@ nb::tuple identified(const Ensemble& data, IdentifyOptions options, int threads,
                      const nb::object& on_model) {
   Call call(std::move(listener));
   options.execution = call.execution(threads);
+  if (keep_state && !options.delays) options.delays.emplace();  // a state can't contain dead times
   OnModel first;
   if (!on_model.is_none()) first = [&](Model model) { call.ask([&] { on_model(nb::cast(std::move(model))); }); };
   auto [result, judged_as, state] = call.run([&] {

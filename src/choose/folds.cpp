@@ -14,8 +14,6 @@ namespace tokid {
 
 namespace {
 
-// Number of orders that are tried after the best order so far.
-constexpr Index patience = 4;
 // For the progress: numbers of orders that are usually tried, and of other λ of the regressions on states.
 constexpr double usual_orders = 8.0, usual_moves = 2.0;
 // Standard error of the difference of two models that were validated on the same folds.
@@ -108,15 +106,11 @@ Errors errors_of(Computed computed, const Ensemble& data, const Vector& weights,
           std::min(score(&Computed::simulation), 0.0)};
 }
 
-Index first_scored(InitialState initial, Index lags, Index period) {
-  return initial == InitialState::zero ? 0 : period > 0 ? lags : 2 * lags;
-}
-
 namespace {
 
-// Squared error of the outputs that a regression computes from the inputs alone, over the squared outputs: mean of the
-// logs of all outputs. The outputs before step `first` are given. Missing samples count as zero.
-double simulation_error(const GtvArx& arx, const Ensemble& measured, Index first) {
+// Squared error of the outputs that a regression computes from the inputs alone, over the squared outputs: weighted
+// mean of the logs of all outputs. The outputs before step `first` are given. Missing samples count as zero.
+double simulation_error(const GtvArx& arx, const Ensemble& measured, Index first, const Vector& weights) {
   const Index m = measured.outputs(), d = measured.channels();
   Ensemble e = measured;
   e.samples() = measured.samples().array().isNaN().select(0.0, measured.samples());
@@ -129,7 +123,8 @@ double simulation_error(const GtvArx& arx, const Ensemble& measured, Index first
     sizes += error.isNaN().select(0.0, y.square()).colwise().sum().matrix().transpose();
   }
   const Eigen::ArrayXd relative = (sizes.array() > 0).select(errors.array() / sizes.array(), 1.0);
-  return relative.isFinite().all() ? relative.max(1e-24).log().mean() : std::numeric_limits<double>::infinity();
+  const Eigen::ArrayXd logs = relative.max(1e-24).min(1e24).log();
+  return weights.dot(logs.matrix()) / weights.sum();
 }
 
 }  // namespace
@@ -160,7 +155,8 @@ Folds::Folds(const Ensemble& ensemble, const Options& options) : options_(option
   });
   double error = 0.0;
   for (const Fold& own : folds_)
-    error += simulation_error(own.arx, own.data.held_out, std::max(own.arx.k_begin, first_));
+    error += simulation_error(own.arx, own.data.held_out, std::max(own.arx.k_begin, first_),
+                              weights_of(options.output_weights, own.arx.outputs));
   simulates_ = !(error > 0.0);
 }
 

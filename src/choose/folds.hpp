@@ -42,9 +42,9 @@ Computed computed_by(Model model, const Ensemble& data, InitialState initial, In
 Ensemble ahead_by(Model model, const Ensemble& data, InitialState initial);
 // `weights`: of the outputs, as in Plan. With `like`, the errors cover only the samples that `like` contains too.
 Errors errors_of(Computed computed, const Ensemble& data, const Vector& weights, const Computed* like = nullptr);
-// First step of the errors. With unknown initial states, every model can predict from this step on, and no output from
-// this step on is used to estimate an initial state.
-Index first_scored(InitialState initial, Index lags, Index period);
+
+// Number of orders that are tried after the best order so far.
+inline constexpr Index patience = 4;
 
 // Goes on with EM from the end of one stage to that of another, in the same stages as cross-validation has. The last
 // stage is repeated if needed. `from`, `to`: iterations. `first`: λ with which EM begins.

@@ -16,9 +16,13 @@ Squares Squares::of(const std::vector<Index>& experiments) const {
 void Squares::add(Index i, const ConstMatrixRef& predicted, const Ensemble& measured, Index k) {
   const Index m = measured.outputs();
   const auto y = measured.output(k);
-  const auto counted = ((y - predicted).array() * 0.0 == 0.0).eval();
+  const auto counted = (!(y - predicted).array().isNaN()).eval();
   errors.middleCols(i * m, m).array() += counted.select((y - predicted).array().square(), 0.0);
   outputs.middleCols(i * m, m).array() += counted.select(y.array().square(), 0.0);
+}
+
+Index first_scored(InitialState initial, Index lags, Index period) {
+  return initial == InitialState::zero ? 0 : period > 0 ? lags : 2 * lags;
 }
 
 std::vector<Index> horizons_within(Index steps) {
@@ -40,6 +44,7 @@ HeldOutError held_out_error(const Squares& s, const Vector& weights) {
     Vector share = Vector::Zero(m);
     for (Index j = 0; j < m; ++j)
       if (const double y = s.outputs.col(i * m + j).sum(); y > 0) share(j) = s.errors.col(i * m + j).sum() / y;
+    if (i > 0) share = share.cwiseMin(1.0);  // of predictions of the mean motion
     const double least = std::max(1e-300, least_counted * least_counted * share.maxCoeff());
     for (Index j = 0; j < m; ++j) {
       const Index c = i * m + j;
@@ -57,7 +62,8 @@ HeldOutError held_out_error(const Squares& s, const Vector& weights) {
 bool clearly_smaller(const HeldOutError& a, const HeldOutError& b, double standard_errors) {
   const double count = double(a.influence.size());
   const double square = (a.influence - b.influence).squaredNorm() / (count * (count - 1));
-  return count > 1 && a.value < b.value - standard_errors * std::sqrt(square);
+  const double error = std::isfinite(square) ? std::sqrt(square) : 0.0;  // an infinite value has no derivatives
+  return count > 1 && a.value < b.value - standard_errors * error;
 }
 
 }  // namespace tokid

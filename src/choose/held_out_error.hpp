@@ -25,6 +25,10 @@ struct Squares {
   void add(Index i, const ConstMatrixRef& predicted, const Ensemble& measured, Index k);
 };
 
+// First step of the errors. With unknown initial states, every model can predict from this step on, and no output from
+// this step on is used to estimate an initial state.
+Index first_scored(InitialState initial, Index lags, Index period);
+
 // The horizons 1, 5 and 20 that a record of so many steps permits.
 std::vector<Index> horizons_within(Index steps);
 

@@ -18,8 +18,9 @@ namespace {
 constexpr Index few_lags = 4;
 // The probability of a dead time where there is none.
 constexpr double error_probability = 1e-3;
-// Most input lags of all inputs together, stretches of steps, folds, and multiplications for the products.
-constexpr Index most_columns = 320, most_stretches = 4, most_folds = 10;
+// Most input lags of all inputs together, stretches of steps, folds, unknowns of a regression, and multiplications for
+// the products.
+constexpr Index most_columns = 320, most_stretches = 4, most_folds = 10, most_unknowns = 100;
 constexpr double most_products = 2e9;
 // Windows of a stretch for each unknown.
 constexpr Index windows_of_unknown = 16;
@@ -157,9 +158,11 @@ std::vector<Lags> best_lags(const Products& products, Index inputs, Index most_d
 std::vector<Index> find_delays(const Ensemble& e, const Execution& execution) {
   const Index r = e.inputs(), unknowns = few_lags * e.outputs() + (few_lags + 1) * r,
               folds = std::min(most_folds, e.experiments());
-  const Index most_delay = std::min(e.steps() / 2, most_columns / r) - few_lags - 1;
+  // The regression with all lags in front needs windows, too.
+  const Index most_delay =
+      std::min({e.steps() / 2, most_columns / r, e.experiments() * e.steps() / windows_of_unknown}) - few_lags - 1;
   const Index windows = most_delay > few_lags ? e.experiments() * (e.steps() - most_delay - few_lags) : 0;
-  if (folds < 2 || windows < windows_of_unknown * unknowns) return {};
+  if (folds < 2 || unknowns > most_unknowns || windows < windows_of_unknown * unknowns) return {};
   const Index stretches = std::clamp<Index>(windows / (windows_of_unknown * unknowns), 1, most_stretches);
   const Products products(e, most_delay, stretches, folds);
   std::vector<Index> delays;

@@ -74,6 +74,7 @@ OrderScores score_orders(const Ensemble& data, const GtvArx& arx, const Markov& 
   scores.price = 2.0 / 3 * double(data.channels()) / double(data.outputs() * data.experiments());
   const Index most = std::min(plan.lags * data.outputs(), o.cols * data.inputs());
   const Index first = first_scored(plan.initial_state, plan.lags, 0);
+  Index best = 0;
   for (Index n = 1; n <= most; ++n) {
     o.states = n;
     Model model = completed(realise(parameters, factors, o), data, arx, plan);
@@ -81,6 +82,8 @@ OrderScores score_orders(const Ensemble& data, const GtvArx& arx, const Markov& 
     const Errors e =
         errors_of(computed_by(std::move(model), scored, plan.initial_state, first), scored, plan.output_weights);
     scores.add(n, e.one_step, e.ahead, e.simulation);
+    if (scores.mean(scores.states.size() - 1) <= scores.smallest) best = n;
+    if (n >= best + patience) break;
   }
   scores.choose();
   return scores;
@@ -359,13 +362,17 @@ void realise_by_folds(const Ensemble& data, const Selection& selected, Regressed
   ChosenByFolds chosen =
       chosen_by_folds(data, selected, result.plan, regression.arx, regression.rival, options, before_em, work);
   if (chosen.beaten()) {
-    Regressed other = regressed_as_rival(data, selected, regression.plan.nominal, options, *regression.rival);
-    ChosenByFolds by_other = chosen_by_folds(data, selected, as_asked(data, other.plan, options), other.arx,
-                                             regression.rival, options, before_em, work);
-    if (by_other.error.value < chosen.error.value) {
-      chosen = std::move(by_other);
-      regression = std::move(other);
-      result.instead = true;
+    try {
+      Regressed other = regressed_as_rival(data, selected, regression, options);
+      ChosenByFolds by_other = chosen_by_folds(data, selected, as_asked(data, other.plan, options), other.arx,
+                                               regression.rival, options, {}, work);
+      if (by_other.error.value < chosen.error.value) {
+        chosen = std::move(by_other);
+        regression = std::move(other);
+        result.instead = true;
+      }
+    } catch (const std::runtime_error&) {  // the first choice stays if the samples do not suffice for the rival
+    } catch (const std::invalid_argument&) {
     }
   }
   realise_by_folds(data, selected, regression.arx, std::move(chosen), options, work, result);

@@ -340,12 +340,17 @@ Regressed regressed(const Ensemble& data, const Selection& selection, bool nomin
   return result;
 }
 
-Regressed regressed_as_rival(const Ensemble& data, const Selection& selection, bool nominal,
-                             const IdentifyOptions& options, const Rival& rival) {
+Regressed regressed_as_rival(const Ensemble& data, const Selection& selection, const Regressed& first,
+                             const IdentifyOptions& options) {
+  const Rival& rival = *first.rival;
   IdentifyOptions stated = options;
   stated.lags = rival.lags;
   stated.smoothing = rival.smoothing;
-  Regressed result = regressed(data, selection, nominal, stated);
+  // A test of steps that share their matrices says nothing.
+  const bool tested = first.plan.choices.variation.period == 0;
+  if (tested) stated.initial_state = first.plan.initial_state;
+  Regressed result = regressed(data, selection, first.plan.nominal, stated);
+  if (tested) result.initial_state_test = first.initial_state_test;
   if (std::isinf(rival.smoothing)) result.findings.push_back({.kind = Finding::Kind::no_variation});
   return result;
 }

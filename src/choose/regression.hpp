@@ -39,9 +39,9 @@ Selection selection_samples(const Ensemble& data, const IdentifyOptions& options
 Regressed regressed(const Ensemble& departures, const Selection& selection, bool nominal,
                     const IdentifyOptions& options);
 
-// Takes the p and λ of a rival.
-Regressed regressed_as_rival(const Ensemble& departures, const Selection& selection, bool nominal,
-                             const IdentifyOptions& options, const Rival& rival);
+// Takes the p and λ of the rival of `first`, which has one.
+Regressed regressed_as_rival(const Ensemble& departures, const Selection& selection, const Regressed& first,
+                             const IdentifyOptions& options);
 
 // Fits the regression of a decided plan. \throws std::invalid_argument as above
 GtvArx regressed_as(const Ensemble& departures, const Plan& plan, const Execution& execution);

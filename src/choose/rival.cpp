@@ -50,7 +50,7 @@ class Candidates {
       : options_(o),
         experiments_(e.experiments()),
         folds_(fold_count(e.experiments())),
-        from_(o.initial_state == InitialState::zero ? 0 : o.lags.back()),
+        from_(first_scored(o.initial_state, o.lags.back(), 0)),
         horizons_(horizons_within(e.steps() - from_)),
         weights_(weights_of(o.output_weights, e.outputs())) {
     for (Index f = 0; f < std::min(held_out, folds_); ++f) parts_.push_back(fold(e, f, folds_, o.centred));

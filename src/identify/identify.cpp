@@ -272,8 +272,8 @@ void take_evidence(NominalTest nominal, Regressed regression, const RegressionSu
 }
 
 // The model, the plan and the sums in findings of the measured samples, from those of the prepared samples.
-Model measured_model(Model model, const Prepared& prepared) {
-  model = out_of_units(of_undelayed(std::move(model), prepared.delays), prepared.units);
+Model measured_model(Model model, const Prepared& prepared, const std::vector<Index>& delays) {
+  model = out_of_units(of_undelayed(std::move(model), delays), prepared.units);
   if (prepared.nominal) {
     model.u_nominal = prepared.nominal->u;
     model.y_nominal = prepared.nominal->y;
@@ -297,13 +297,32 @@ Plan measured_plan(Plan plan, const Prepared& prepared) {
   return plan;
 }
 
+// The measured experiments with delayed inputs, their model and their plan: without the states that hold inputs. The
+// regressions of experiments need these.
+struct WithoutHeldInputs {
+  Ensemble data;
+  Model model;
+  Plan plan;
+};
+
+// Without a value if there are no dead times. `plan`: with the states that hold inputs.
+std::optional<WithoutHeldInputs> without_held_inputs(const Ensemble& used, const Model& model, const Plan& plan,
+                                                     const Prepared& prepared) {
+  if (prepared.delays.empty()) return std::nullopt;
+  WithoutHeldInputs result{delayed(used, prepared.delays), measured_model(model, prepared, {}), plan};
+  result.model.u_nominal = delayed(std::move(result.model.u_nominal), prepared.delays);
+  result.plan.choices.delays.clear();
+  result.plan.states -= held_inputs(prepared.delays);
+  return result;
+}
+
 // The model before EM, as its caller gets it.
 Model first_model(const Model& model, const Plan& plan, const Prepared& prepared, const Ensemble& training,
                   const IdentifyOptions& options) {
   Identification found;
   Findings findings;
-  found.plan = plan;
-  found.model = framed(measured_model(model, prepared), plan, findings);
+  found.plan = measured_plan(plan, prepared);
+  found.model = framed(measured_model(model, prepared, prepared.delays), found.plan, findings);
   found.experiments = training.experiments();
   found.steps = training.steps();
   found.model.provenance = origin_of(options, true, found);
@@ -366,9 +385,8 @@ Identification identified(const Ensemble& used, const Vector& weights, const Mea
   const bool nominal = prepared.nominal.has_value();
   const Ensemble& data = prepared.data;
   check_method(data, options);
-  append(findings, findings_of_lags(data, options));
-
   const IdentifyOptions of_plant = without_held_inputs(options, prepared.delays);
+  append(findings, findings_of_lags(data, of_plant));
   const Selection selection = selection_samples(data, options);
   Regressed regression = regressed(data, selection, nominal, of_plant);
   if (const Index needed = experiments_for(data, regression.plan.lags, regression.plan); !regression.plan.coupled)
@@ -395,10 +413,12 @@ Identification identified(const Ensemble& used, const Vector& weights, const Mea
   append(findings, std::move(of_regressions));
   append(findings, std::move(realisation.findings));
   result.plan = measured_plan(std::move(realisation.plan), prepared);
-  result.model = measured_model(std::move(realisation.model), prepared);
+  const std::optional<WithoutHeldInputs> late = without_held_inputs(used, realisation.model, result.plan, prepared);
+  result.model = measured_model(std::move(realisation.model), prepared, prepared.delays);
   append(findings, findings_of_free_responses(training.free, result.plan));
   append(findings, findings_of_absent_states(result.model));
-  Findings of_states = findings_of_states(result.model, training, result.plan, regressed_from, options);
+  Findings of_states = findings_of_states(late ? late->model : result.model, training, late ? late->plan : result.plan,
+                                          regressed_from, of_plant);
   prepared.data = {};  // frees memory for what follows
   ValidateOptions validation;
   validation.initial_state = result.plan.initial_state;
@@ -407,7 +427,8 @@ Identification identified(const Ensemble& used, const Vector& weights, const Mea
     IdentifyOptions examining = options;
     examining.execution = in_stage(options.execution, WorkStage::examination, course);
     ExperimentFindings found =
-        experiment_findings(used, *measured, parts.held_out_rows, result.model, result.plan, examining);
+        experiment_findings(late ? late->data : used, *measured, parts.held_out_rows, late ? late->model : result.model,
+                            late ? late->plan : result.plan, examining);
     append(findings, std::move(found.findings));
     result.outliers = std::move(found.outliers);
     validation.misfits = std::move(found.labels);
@@ -528,7 +549,11 @@ Provenance origin_of(const IdentifyOptions& options, bool chosen, const Identifi
   origin.options->choices.reset();
   origin.options->execution = {};
   origin.experiments = result.experiments;
-  if ((result.plan.coupled && chosen) || !result.plan.choices.delays.empty()) origin.choices = result.plan.choices;
+  const NoisyChoices& choices = result.plan.choices;
+  if (result.plan.coupled && chosen)
+    origin.choices = choices;
+  else if (!choices.delays.empty())
+    origin.options->delays = choices.delays;
   if (result.refinement.iterations > 0) origin.refinement = {result.refinement.smoothing, result.refinement.iterations};
   origin.feedthrough = result.plan.feedthrough;
   origin.version = version;

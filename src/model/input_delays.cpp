@@ -43,15 +43,24 @@ Step of_undelayed(const Step& step, const std::vector<Index>& delays, bool on_st
 }  // namespace
 
 Ensemble delayed(Ensemble e, const std::vector<Index>& delays) {
-  for (Index i = 0; i < Index(delays.size()); ++i)
-    for (Index k = e.steps(); k-- > 0;) {
-      const Index from = k - delays[size_t(i)];
-      if (from >= 0)
-        e.input(k).col(i) = e.input(from).col(i).eval();
+  for (Index i = 0; i < Index(delays.size()); ++i) {
+    const Index delay = delays[size_t(i)];
+    for (Index k = e.steps(); delay > 0 && k-- > 0;)
+      if (k >= delay)
+        e.input(k).col(i) = e.input(k - delay).col(i);
       else
         e.input(k).col(i).setZero();
-    }
+  }
   return e;
+}
+
+Matrix delayed(Matrix inputs, const std::vector<Index>& delays) {
+  for (Index i = 0; i < Index(delays.size()) && i < inputs.cols(); ++i) {
+    const Index delay = std::min(delays[size_t(i)], inputs.rows()), left = inputs.rows() - delay;
+    inputs.col(i).tail(left) = inputs.col(i).head(left).eval();
+    inputs.col(i).head(delay).setZero();
+  }
+  return inputs;
 }
 
 Index held_inputs(const std::vector<Index>& delays) { return std::accumulate(delays.begin(), delays.end(), Index{0}); }

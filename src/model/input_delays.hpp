@@ -12,6 +12,7 @@ namespace tokid {
 
 // Input i of a step becomes that of delays[i] steps earlier. Before the first step, inputs are zero.
 Ensemble delayed(Ensemble ensemble, const std::vector<Index>& delays);
+Matrix delayed(Matrix inputs, const std::vector<Index>& delays);  // (T × r), one experiment
 
 // The number of states that hold inputs on their way.
 Index held_inputs(const std::vector<Index>& delays);

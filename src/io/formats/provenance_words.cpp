@@ -43,12 +43,14 @@ std::string options_text(const IdentifyOptions& options) {
 std::string choices_text(const NoisyChoices& choices) {
   const IdentifyOptions weighting{.weighting = choices.weighting};
   const Index period = choices.variation.period;
-  return fmt::format("{}lambda {} for the regressions and {} for the states, weighting {}",
+  const std::string delays =
+      choices.delays.empty() ? "" : fmt::format(", dead times {} steps", fmt::join(choices.delays, ", "));
+  return fmt::format("{}lambda {} for the regressions and {} for the states, weighting {}{}",
                      period == 1  ? "one model for all steps, "
                      : period > 1 ? fmt::format("period {}, ", words::plural(period, "step"))
                                   : "",
                      penalty_text(choices.variation.smoothing), penalty_text(choices.state_smoothing),
-                     value_text(find_option("weighting")->write(weighting)));
+                     value_text(find_option("weighting")->write(weighting)), delays);
 }
 
 std::string corrections_text(const Corrections& made) {
