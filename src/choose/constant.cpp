@@ -20,7 +20,7 @@ constexpr double most_multiplications = 5e8, gram_rounding = 1e-12;
 
 Index unknowns_with_constant(const Ensemble& e, Index lags) { return lags * e.channels() + e.inputs() + 1; }
 
-// WindowProducts of the rows [y_{k-1} … y_{k-p}, u_k … u_{k-p}, 1, y_k] that have no missing sample, and the number of
+// Products of the rows [y_{k-1} … y_{k-p}, u_k … u_{k-p}, 1, y_k] that have no missing sample, and the number of
 // rows.
 struct WindowProducts {
   Matrix all;

@@ -6,7 +6,6 @@
 
 #include "base/nan.hpp"
 #include "data/output_weights.hpp"
-#include "data/rows.hpp"
 #include "tokid/plan.hpp"
 #include "tokid/validate.hpp"
 
@@ -200,7 +199,6 @@ std::vector<Model> Folds::models_of(const OrderScores& scores) const {
 }
 
 std::pair<HeldOutError, HeldOutError> Folds::compared(const std::vector<Model>& models, const Rival& rival) const {
-  const Index m = folds_.front().data.training.outputs(), count = Index(folds_.size());
   std::vector<Squares> of_models(models.size());
   parallel_for(0, Index(models.size()), {options_.execution.threads, {}}, [&](Index begin, Index end) {
     for (Index f = begin; f < end; ++f) {
@@ -216,16 +214,8 @@ std::pair<HeldOutError, HeldOutError> Folds::compared(const std::vector<Model>& 
       }
     }
   });
-  Squares ours = rival.squares;
-  std::vector<Index> known;
-  for (size_t f = 0; f < models.size(); ++f) {
-    const std::vector<Index> rows = fold_rows(rival.squares.errors.rows(), Index(f), count);
-    ours.errors(rows, Eigen::all) = of_models[f].errors;
-    ours.outputs(rows, Eigen::all) = of_models[f].outputs;
-    known.insert(known.end(), rows.begin(), rows.end());
-  }
-  const Vector weights = weights_of(options_.output_weights, m);
-  return {held_out_error(ours.of(known), weights), held_out_error(rival.squares.of(known), weights)};
+  const Vector weights = weights_of(options_.output_weights, folds_.front().data.training.outputs());
+  return {held_out_error(joined(of_models), weights), held_out_error(rival.squares, weights)};
 }
 
 // Tries increasing orders. Stops when `patience` orders after the best order had no smaller error.

@@ -6,19 +6,25 @@
 
 namespace tokid {
 
-Squares Squares::of(const std::vector<Index>& experiments) const {
-  Squares result;
-  result.errors = errors(experiments, Eigen::all);
-  result.outputs = outputs(experiments, Eigen::all);
-  return result;
-}
-
 void Squares::add(Index i, const ConstMatrixRef& predicted, const Ensemble& measured, Index k) {
   const Index m = measured.outputs();
   const auto y = measured.output(k);
   const auto counted = (!(y - predicted).array().isNaN()).eval();
   errors.middleCols(i * m, m).array() += counted.select((y - predicted).array().square(), 0.0);
   outputs.middleCols(i * m, m).array() += counted.select(y.array().square(), 0.0);
+}
+
+Squares joined(const std::vector<Squares>& folds) {
+  Index experiments = 0;
+  for (const Squares& fold : folds) experiments += fold.errors.rows();
+  Squares all(experiments, folds.front().errors.cols());
+  Index row = 0;
+  for (const Squares& fold : folds) {
+    all.errors.middleRows(row, fold.errors.rows()) = fold.errors;
+    all.outputs.middleRows(row, fold.errors.rows()) = fold.outputs;
+    row += fold.errors.rows();
+  }
+  return all;
 }
 
 Index first_scored(InitialState initial, Index lags, Index period) {

@@ -20,10 +20,12 @@ struct Squares {
   Squares(Index experiments, Index columns)
       : errors(Matrix::Zero(experiments, columns)), outputs(Matrix::Zero(experiments, columns)) {}
 
-  Squares of(const std::vector<Index>& experiments) const;
   // Adds one step of `measured` at horizon i. NaN in `predicted` (N × m) or in the measured outputs does not count.
   void add(Index i, const ConstMatrixRef& predicted, const Ensemble& measured, Index k);
 };
+
+// The experiments of one fold after those of the other.
+Squares joined(const std::vector<Squares>& folds);
 
 // First step of the errors. With unknown initial states, every model can predict from this step on, and no output from
 // this step on is used to estimate an initial state.

@@ -7,7 +7,6 @@
 #include <utility>
 
 #include "data/output_weights.hpp"
-#include "data/rows.hpp"
 
 namespace tokid {
 
@@ -48,12 +47,11 @@ class Candidates {
  public:
   Candidates(const Ensemble& e, const SmoothingOptions& o, Index held_out)
       : options_(o),
-        experiments_(e.experiments()),
-        folds_(fold_count(e.experiments())),
         from_(first_scored(o.initial_state, o.lags.back(), 0)),
         horizons_(horizons_within(e.steps() - from_)),
         weights_(weights_of(o.output_weights, e.outputs())) {
-    for (Index f = 0; f < std::min(held_out, folds_); ++f) parts_.push_back(fold(e, f, folds_, o.centred));
+    const Index folds = fold_count(e.experiments());
+    for (Index f = 0; f < std::min(held_out, folds); ++f) parts_.push_back(fold(e, f, folds, o.centred));
   }
 
   struct Found {
@@ -76,21 +74,14 @@ class Candidates {
           predictions.add(s, begins_far(s, held_out.steps(), horizons_) ? horizons_.back() : 1, own);
       }
     });
-    Squares all(experiments_, columns);
-    std::vector<Index> known;
-    for (size_t f = 0; f < parts_.size(); ++f) {
-      const std::vector<Index> rows = fold_rows(experiments_, Index(f), folds_);
-      all.errors(rows, Eigen::all) = of_folds[f].errors;
-      all.outputs(rows, Eigen::all) = of_folds[f].outputs;
-      known.insert(known.end(), rows.begin(), rows.end());
-    }
-    HeldOutError error = held_out_error(all.of(known), weights_);
+    Squares all = joined(of_folds);
+    HeldOutError error = held_out_error(all, weights_);
     return {{lags, smoothing, std::move(all), horizons_, from_}, std::move(error)};
   }
 
  private:
   const SmoothingOptions& options_;
-  Index experiments_, folds_, from_;
+  Index from_;
   std::vector<Index> horizons_;
   Vector weights_;
   std::vector<Split> parts_;

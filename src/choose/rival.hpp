@@ -15,7 +15,7 @@ namespace tokid {
 struct Rival {
   Index lags = 0;
   double smoothing = 0.0;            // infinite: one model for all steps
-  Squares squares;                   // of its predictions of the held-out experiments
+  Squares squares;                   // of its predictions of the held-out experiments, joined()
   std::vector<Index> horizons = {};  // of these predictions, ascending
   Index from = 0;                    // first step of these predictions
 };
