@@ -360,8 +360,8 @@ std::vector<Fitted> regress(const Steps& steps, const SubspaceOptions& o, const 
   // Neighbours determine the coefficients of steps without a row.
   Index most = 0;
   for (const Matrix& rows : factor) most = std::max(most, rows.cols());
-  for (Matrix& rows : factor)
-    if (steps.smooth() && rows.cols() == 0) rows.resize(0, most);
+  for (Index g = steps.begin; g < steps.groups(); ++g)
+    if (Matrix& rows = factor[size_t(g)]; steps.smooth() && rows.cols() == 0) rows.resize(0, most);
   // Successive steps with the same numbers of coefficients share a penalty.
   for (size_t begin = 0, end = 0; begin < groups; begin = end) {
     for (end = begin + 1; smoothing > 0 && end < groups && regressors[end] == regressors[begin] &&
