@@ -120,7 +120,7 @@ Json json(const Trial& trial) {
 
 // null if nothing was tried. Errors are weighted geometric means of the one-step, many-step and simulation errors.
 Json json(const RefinementChoice& choice) {
-  if (choice.trials.empty()) return {};
+  if (choice.trials.empty() && choice.jumps.empty()) return {};
   Json j{{"states", choice.states},
          {"smoothing", choice.smoothing},
          {"iterations", choice.iterations},
@@ -135,8 +135,7 @@ Json json(const RefinementChoice& choice) {
                            {"smoothing", t.smoothing},
                            {"iterations", t.iterations},
                            {"error", std::exp(t.error)},
-                           {"log_likelihood", t.log_likelihood},
-                           {"jumps", t.jumps}});
+                           {"log_likelihood", t.log_likelihood}});
   return j;
 }
 
@@ -284,13 +283,13 @@ void add_delays(const Call& call, const Identification& result, Page& page) {
 
 void add_jumps(const Call& call, const Identification& result, Page& page) {
   const std::vector<Jump>& jumps = result.refinement.jumps;
-  if (jumps.empty() || result.refinement.iterations == 0) return;
+  if (jumps.empty()) return;
   std::vector<std::string> texts;
   for (const Jump& jump : jumps)
     texts.push_back(jump.loss ? fmt::format("{} ({} standard errors)", jump.step, number(*jump.loss))
                               : std::to_string(jump.step));
   page.row("Jumps", fmt::format("at {} {}, {}", jumps.size() > 1 ? "steps" : "step", fmt::join(texts, ", "),
-                                call.options.jumps ? "as asked" : "by the likelihood in cross-validation"));
+                                call.options.jumps ? "as asked" : "by cross-validation error"));
 }
 
 Index dropped_experiments(const Identification& result) {

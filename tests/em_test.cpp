@@ -365,7 +365,6 @@ TEST(Refine, SaysThatItHasDiverged) {
   RefineOptions options;
   options.smoothing = 100.0;
   EXPECT_THROW(refine(model, data, options), std::runtime_error);
-  EXPECT_THROW(jump_gains(model, data, options), std::runtime_error);
 }
 
 TEST(Refine, SaysThatDataHaveNoNoise) {
@@ -596,34 +595,12 @@ TEST(Jumps, MatricesFollowAJumpAtOnce) {
   EXPECT_GT(error(smeared), 3 * error(sharp));
 }
 
-TEST(Jumps, GainsAreTheLargestAtTheJump) {
-  const Index steps = 40;
-  for (const Index at : {7, 18, 31}) {
-    const Model system = jumping_system({2, 1, 2}, steps, at);
-    const Ensemble data = noisy_experiments(system, 100, std::uint64_t(at));
-    RefineOptions options;
-    options.smoothing = 10;
-    const Model model = refine(system, data, options).model;
-    const Vector gains = jump_gains(model, data, options);
-    ASSERT_EQ(gains.size(), steps);
-    Index largest = 0;
-    gains.maxCoeff(&largest);
-    EXPECT_LE(std::abs(largest - at), 1) << at;
-    options.jumps = {at};
-    const Vector others = jump_gains(refine(model, data, options).model, data, options);
-    EXPECT_EQ(others(at), 0.0);
-    EXPECT_LT(others.maxCoeff(), 0.2 * gains.maxCoeff());
-  }
-}
-
 TEST(Jumps, BadInputs) {
   const Model system = jumping_system({2, 1, 1}, 10, 5);
   const Ensemble data = noisy_experiments(system, 20, 3);
   for (const std::vector<Index>& jumps : {std::vector<Index>{0}, {10}, {4, 4}, {6, 3}})
     EXPECT_THROW(refine(system, data, {.smoothing = 1, .jumps = jumps}), std::invalid_argument);
   EXPECT_THROW(refine(system, data, {.smoothing = 1, .period = 3, .jumps = {5}}), std::invalid_argument);
-  EXPECT_THROW(jump_gains(system, data, {.smoothing = 0}), std::invalid_argument);
-  EXPECT_THROW(jump_gains(system, data, {.smoothing = 1, .period = 3}), std::invalid_argument);
 }
 
 }  // namespace tokid::testing

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <limits>
 
 #include "linalg/simd.hpp"
@@ -128,32 +129,40 @@ TEST(RandomWalk, columns_are_the_same_bits_with_every_instruction_set) {
   simd::limit_target(simd::Target::avx512);
 }
 
-TEST(RandomWalk, jump_gains_are_the_decrease_of_the_least_squares) {
+TEST(RandomWalk, gains_are_the_decrease_of_the_least_squares_with_loose_penalties) {
   for (const Index l : {1, 3})
     for (const double weight : {0.1, 1.0, 10.0}) {
       Random random(std::uint64_t(10 * l));
-      const std::vector<Matrix> rows = random_rows(random, {2, l + 1, 0, 4, 1, 2 * l}, l + 1);
+      const std::vector<Matrix> rows = random_rows(random, {2, l + 1, 0, 4, 1, 2 * l}, l + 2);
       const Vector stiffness = weight * (Vector::Ones(l) + random.matrix(l, 1).cwiseAbs());
-      const auto minimum = [&](const std::vector<Matrix>& of) {
+      const auto minimum = [&](const std::vector<Index>& loose) {
         double sum = 0.0;
-        const auto x = random_walk_regression(of, l, stiffness);
-        for (size_t g = 0; g < of.size(); ++g) sum += (of[g].leftCols(l) * x[g] - of[g].col(l)).squaredNorm();
-        for (size_t g = 1; g < of.size(); ++g) sum += (stiffness.asDiagonal() * (x[g] - x[g - 1])).squaredNorm();
+        const auto x = random_walk_regression(rows, l, stiffness, loose);
+        for (size_t g = 0; g < rows.size(); ++g)
+          sum += (rows[g].leftCols(l) * x[g] - rows[g].rightCols(2)).squaredNorm();
+        for (size_t g = 1; g < rows.size(); ++g) {
+          const bool is_loose = std::find(loose.begin(), loose.end(), Index(g)) != loose.end();
+          sum += (is_loose ? loose_penalty : 1.0) * (stiffness.asDiagonal() * (x[g] - x[g - 1])).squaredNorm();
+        }
         return sum;
       };
-      const Vector gains = jump_gains(rows, stiffness);
-      ASSERT_EQ(gains.size(), Index(rows.size()));
-      EXPECT_EQ(gains(0), 0.0);
-      for (size_t g = 1; g < rows.size(); ++g) {
-        const auto split = rows.begin() + std::ptrdiff_t(g);
-        const double apart = minimum({rows.begin(), split}) + minimum({split, rows.end()});
-        // Differences of sums of squares, with rounding errors relative to the sums.
-        EXPECT_NEAR(gains(Index(g)), minimum(rows) - apart, 1e3 * epsilon * (1 + minimum(rows))) << l << " " << g;
+      const double all = minimum({});
+      for (const Index width : {1, 2, 9}) {
+        const Vector gains = loosening_gains(rows, stiffness, width);
+        ASSERT_EQ(gains.size(), Index(rows.size()));
+        EXPECT_EQ(gains(0), 0.0);
+        for (Index g = 1; g < gains.size(); ++g) {
+          std::vector<Index> loose;
+          for (Index k = g; k < std::min(g + width, gains.size()); ++k) loose.push_back(k);
+          // Differences of sums of squares, with rounding errors relative to the sums.
+          EXPECT_NEAR(gains(g), all - minimum(loose), 1e3 * epsilon * (1 + all)) << l << " " << width << " " << g;
+        }
       }
     }
+  const std::vector<Matrix> rows{Matrix::Identity(1, 2), Matrix::Identity(1, 2)};
   for (const double wrong : {0.0, -1.0, std::numeric_limits<double>::infinity()})
-    EXPECT_THROW(jump_gains({Matrix::Identity(1, 2), Matrix::Identity(1, 2)}, Vector::Constant(1, wrong)),
-                 std::invalid_argument);
+    EXPECT_THROW(loosening_gains(rows, Vector::Constant(1, wrong), 1), std::invalid_argument);
+  EXPECT_THROW(loosening_gains(rows, Vector::Ones(1), 0), std::invalid_argument);
 }
 
 TEST(RandomWalk, refuses_columns_of_wrong_sizes_or_stiffness) {

@@ -364,7 +364,8 @@ Model jumping_oscillator(double change) {
   return system;
 }
 
-const IdentifyOptions few_choices{.states = 2, .lags = 3, .smoothing = 1.0, .refine = false};
+const IdentifyOptions few_choices{
+    .states = 2, .lags = 3, .smoothing = 1.0, .jumps = std::vector<Index>{}, .refine = false};
 
 Case refined_case(double change, double smoothing, std::uint64_t seed) {
   ExperimentOptions o;

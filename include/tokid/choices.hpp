@@ -53,13 +53,12 @@ struct RefinementTrial {
   double error = 0.0;      // mean() of the logs of its errors, as in OrderScores
   // Mean over the held-out experiments. NaN without EM; -∞ if EM failed.
   double log_likelihood = std::numeric_limits<double>::quiet_NaN();
-  std::vector<Index> jumps = {};  // steps at which the matrices could jump
 };
 // A step at which the matrices jump.
 struct Jump {
   Index step = 0;
-  // Found by cross-validation: by how many standard errors the log-likelihood of the held-out experiments is smaller
-  // without this jump. Empty if the jump was stated.
+  // Found by cross-validation: by how many standard errors the error of the held-out experiments is larger without this
+  // jump. Empty if the jump was stated.
   std::optional<double> loss = {};
 };
 // How large the errors of predictions are, OrderScores::horizon steps ahead, on held-out experiments. NaN: not known.

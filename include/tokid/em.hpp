@@ -65,11 +65,6 @@ struct Refinement {
 // likelihood or EM diverges
 Refinement refine(const Model& model, const Ensemble& data, const RefineOptions& options = {});
 
-// (T) By how much, in one iteration from this model, EM would raise twice the penalised log-likelihood if the matrices
-// could also jump at step k: large where the matrices change faster than the penalty expects. Zero at step 0 and at
-// `jumps`. `smoothing` must be positive and finite. Arguments and errors as refine()
-Vector jump_gains(const Model& model, const Ensemble& data, const RefineOptions& options);
-
 // (N) log-likelihood of each experiment: log of the density of its outputs given its inputs. The model needs Q and R,
 // and for initial states that are not zero x0_mean and x0_cov. \throws std::invalid_argument if one is missing, or for
 // an infinite sample

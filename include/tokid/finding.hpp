@@ -129,7 +129,6 @@ struct Finding {
     gains_grow,               // steps; numbers: ratio of the largest norm of K_k to its reference
     late_begin,               // numbers: step
     frame_limits,             // numbers: step, begin, end
-    jumps_unused,             // steps
     uncertain_ahead,          // numbers: ratio, horizon
     model_errs_ahead,         // numbers: share, horizon
     em_unreliable,            // EM predicts all experiments worse than it predicted the held-out ones

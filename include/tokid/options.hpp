@@ -38,7 +38,8 @@ struct TimeVariation {
   // mean number of experiments at a step; with a period, the mean number of rows of a phase. 0: each step uses its own
   // data only. Infinity: all steps have the same coefficients.
   double smoothing = 0.0;
-  Index period = 0;  // P: the steps k and k+P share one model; 1: all steps; 0: no period
+  Index period = 0;               // P: the steps k and k+P share one model; 1: all steps; 0: no period
+  std::vector<Index> jumps = {};  // ascending steps at which the matrices of models without a period jump
 
   Index groups(Index steps) const { return period > 0 && period < steps ? period : steps; }
   Index group(Index k) const { return period > 0 ? k % period : k; }  // group of step k: the steps that share its model
@@ -53,7 +54,6 @@ struct NoisyChoices {
   // λ with which EM begins, if steps do not share their matrices. 0: with a warm-up and its own λ
   double refinement_first = 0.03;
   Index refinement_iterations = 0;  // 0: no refinement
-  std::vector<Index> jumps = {};    // ascending steps at which the matrices jump in EM
   std::vector<Index> delays = {};   // as in IdentifyOptions
 };
 

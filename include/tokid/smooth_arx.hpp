@@ -20,10 +20,17 @@ struct SmoothArxOptions {
 };
 
 // Minimises Σ_k ‖Y_k - W_k M_kᵀ‖² + penalty. A step without a complete experiment gets its coefficients from its
-// neighbours. The result has `lags`, `rows`, `coefficients`, `output_rms` and `residual_cov` (EᵀE / rows) of each step,
-// but no noise shapes. \throws std::invalid_argument for a lag order below 1 or beyond the data, a negative smoothing
-// or period
+// neighbours. If the matrices of the system jump at step J, the coefficients change at the steps J to J+p, because the
+// p past samples then come from both sides. The penalties on these p+1 changes are loose: see random_walk_regression().
+// The result has `lags`, `rows`, `coefficients`, `output_rms` and `residual_cov` (EᵀE / rows) of each step, but no
+// noise shapes. \throws std::invalid_argument for a lag order below 1 or beyond the data, a negative smoothing or
+// period
 GtvArx smooth_arx(const Windows& windows, const SmoothArxOptions& options = {});
+
+// (T) By how much this minimum falls if the matrices may also jump at step k, in units of the residual covariance of
+// all steps. For a model without a period, with a positive and finite smoothing. \throws std::invalid_argument as
+// smooth_arx()
+Vector jump_gains(const Windows& windows, const SmoothArxOptions& options);
 
 // The choice of p and λ by cross-validation over the experiments, by one-step errors.
 struct SmoothingTrial {
@@ -45,8 +52,9 @@ struct SmoothingOptions {
   InitialState initial_state = InitialState::zero;
   bool feedthrough = true;  // as in SmoothArxOptions
   Index period = 0;
-  bool centred = false;        // true: the data are departures from a mean motion; see fold()
-  Vector output_weights = {};  // (m) weights of the outputs, 0 or more; empty: all outputs count alike
+  bool centred = false;           // true: the data are departures from a mean motion; see fold()
+  Vector output_weights = {};     // (m) weights of the outputs, 0 or more; empty: all outputs count alike
+  std::vector<Index> jumps = {};  // as in TimeVariation
   // An ensemble without a period that has more steps is tested on four stretches only. Each stretch has steps/4 steps,
   // but at least twice the largest lag order.
   Index steps = 256;

@@ -111,7 +111,8 @@ NoisyChoices choices_of(nb::handle choices) {
   const auto number = [](nb::handle object, const char* name) { return nb::cast<double>(object.attr(name)); };
   const nb::object variation = choices.attr("variation");
   NoisyChoices result;
-  result.variation = {number(variation, "smoothing"), nb::cast<Index>(variation.attr("period"))};
+  result.variation = {number(variation, "smoothing"), nb::cast<Index>(variation.attr("period")),
+                      nb::cast<std::vector<Index>>(choices.attr("jumps"))};
   result.state_smoothing = number(choices, "state_smoothing");
   IdentifyOptions options;
   set_option(options, "weighting", choices.attr("weighting"));
@@ -119,7 +120,6 @@ NoisyChoices choices_of(nb::handle choices) {
   result.refinement_smoothing = number(choices, "refinement_smoothing");
   result.refinement_first = number(choices, "refinement_first");
   result.refinement_iterations = nb::cast<Index>(choices.attr("refinement_iterations"));
-  result.jumps = nb::cast<std::vector<Index>>(choices.attr("jumps"));
   result.delays = nb::cast<std::vector<Index>>(choices.attr("delays"));
   return result;
 }

@@ -113,8 +113,7 @@ nb::any object_of(const RefinementTrial& t) {
                                   {"smoothing", t.smoothing},
                                   {"iterations", t.iterations},
                                   {"error", t.error},
-                                  {"log_likelihood", t.log_likelihood},
-                                  {"jumps", t.jumps}});
+                                  {"log_likelihood", t.log_likelihood}});
 }
 
 nb::any object_of(const Jump& j) {
@@ -303,7 +302,7 @@ nb::any object_of(const NoisyChoices& c) {
                                {"refinement_smoothing", c.refinement_smoothing},
                                {"refinement_first", c.refinement_first},
                                {"refinement_iterations", c.refinement_iterations},
-                               {"jumps", c.jumps},
+                               {"jumps", c.variation.jumps},
                                {"delays", c.delays}});
 }
 

@@ -545,7 +545,7 @@ class NoisyChoices(_Result):
     refinement_iterations : int
         Iterations of EM. 0: no refinement.
     jumps : list of int
-        Steps at which the matrices jump in EM.
+        Steps at which the matrices jump.
     delays : list of int
         Dead time of each input in steps. Empty: none.
     """
@@ -738,8 +738,6 @@ class RefinementTrial(_Result):
         Mean log of the errors, as in `OrderScores`.
     log_likelihood : float
         Mean over the held-out experiments. NaN without EM.
-    jumps : list of int
-        Steps at which the matrices could jump.
     """
 
     states: int
@@ -747,7 +745,6 @@ class RefinementTrial(_Result):
     iterations: int
     error: float
     log_likelihood: float
-    jumps: list[int]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -758,8 +755,8 @@ class Jump(_Result):
     ----------
     step : int
     loss : float or None
-        By how many standard errors the log-likelihood of the held-out experiments is smaller without this jump. None if
-        the jump was stated.
+        By how many standard errors the error of the held-out experiments is larger without this jump. None if the jump
+        was stated.
     """
 
     step: int
@@ -969,9 +966,9 @@ class Identification(_Found):
             ("Feedthrough", "present" if self.feedthrough.present else "none"),
         ]
         if self.refinement.iterations:
-            jumps = ", ".join(str(jump.step) for jump in self.refinement.jumps)
-            jumping = f"; the matrices jump at {jumps}" if jumps else ""
-            rows.append(("Refinement", f"EM, {plural(self.refinement.iterations, 'iteration')}{jumping}"))
+            rows.append(("Refinement", f"EM, {plural(self.refinement.iterations, 'iteration')}"))
+        if self.refinement.jumps:
+            rows.append(("Jumps", "at " + ", ".join(str(jump.step) for jump in self.refinement.jumps)))
         if self.outliers:
             rows.append(("Outliers", plural(len(self.outliers), "experiment")))
         unused = sum(len(group) - 1 for group in self.copies) + len(self.dependent)

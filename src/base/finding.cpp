@@ -624,12 +624,6 @@ constexpr Entry table[] = {
            "only steps {} to {} are in the reference frame of step {}. At the other steps, the states keep their own coordinates",
            count(f, "begin"), count(f, "end") - 1, count(f, "step"));
      }},
-    {Kind::jumps_unused, "jumps_unused", warning,
-     [](const Finding& f) {
-       return fmt::format(
-           "the stated jumps at {} have no effect: only EM uses jumps, and EM was not used. The matrices of the model vary smoothly at these steps",
-           words::step_list(f.steps));
-     }},
     {Kind::uncertain_ahead, "uncertain_ahead", warning,
      [](const Finding& f) {
        return fmt::format(

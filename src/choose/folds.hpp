@@ -63,12 +63,6 @@ struct OrderRange {
   Index fewest = 1, most = 1;
 };
 
-// What the caller states about EM.
-struct StatedRefinement {
-  std::optional<double> smoothing = {};
-  std::optional<std::vector<Index>> jumps = {};  // ascending steps at which the matrices jump
-};
-
 struct RefinementOfFolds {
   RefinementChoice choice;
   std::vector<Model> models;  // of the folds that validate EM, by EM if it is used
@@ -101,10 +95,10 @@ class Folds {
   // Chooses n, the λ of EM and its iterations by the likelihood and the errors of held-out experiments. EM starts from
   // subspace models with the weighting of the scores. It begins with `states`. Then it tries more states, which must
   // raise the likelihood significantly, or fewer, which must not reduce it significantly.
-  // If jumps are not stated, they are looked for. `work` counts iterations of one fold. `iteration`: an
-  // iteration with all data, in this unit.
+  // `smoothing`: the λ of EM, if it is stated. `work` counts iterations of one fold. `iteration`: an iteration with all
+  // data, in this unit.
   RefinementOfFolds choose_refinement(Index states, const OrderRange& orders, const OrderScores& scores,
-                                      const StatedRefinement& stated, SearchProgress& work, double iteration) const;
+                                      std::optional<double> smoothing, SearchProgress& work, double iteration) const;
 
  private:
   class Likelihood;

@@ -65,11 +65,16 @@ HeldOutError held_out_error(const Squares& s, const Vector& weights) {
   return result;
 }
 
-bool clearly_smaller(const HeldOutError& a, const HeldOutError& b, double standard_errors) {
+double standard_error(const HeldOutError& a, const HeldOutError& b) {
   const double count = double(a.influence.size());
-  const double square = (a.influence - b.influence).squaredNorm() / (count * (count - 1));
-  const double error = std::isfinite(square) ? std::sqrt(square) : 0.0;  // an infinite value has no derivatives
-  return count > 1 && a.value < b.value - standard_errors * error;
+  return std::sqrt((a.influence - b.influence).squaredNorm() / (count * (count - 1)));
+}
+
+bool clearly_smaller(const HeldOutError& a, const HeldOutError& b, double standard_errors) {
+  const double error = standard_error(a, b);
+  return a.influence.size() > 1 &&
+         a.value <
+             b.value - (std::isfinite(error) ? standard_errors * error : 0.0);  // no derivative of an infinite value
 }
 
 }  // namespace tokid

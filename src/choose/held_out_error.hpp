@@ -43,6 +43,8 @@ struct HeldOutError {
   double value = std::numeric_limits<double>::infinity();
   Vector influence;  // (N) derivative of `value` with respect to the weight of each experiment; its mean is zero
 };
+// Standard error of the difference of two errors.
+double standard_error(const HeldOutError& a, const HeldOutError& b);
 // Is error a smaller than b by more than so many standard errors of their difference?
 bool clearly_smaller(const HeldOutError& a, const HeldOutError& b, double standard_errors = 1.0);
 

@@ -109,7 +109,7 @@ RefineOptions refine_options(const Plan& plan, const Execution& execution) {
   o.period = plan.choices.variation.period;
   o.initial_state = plan.initial_state;
   o.feedthrough = plan.feedthrough.present;
-  o.jumps = plan.choices.jumps;
+  o.jumps = plan.choices.variation.jumps;
   o.execution.threads = execution.threads;
   return o;
 }
@@ -194,7 +194,6 @@ void refine_if_better(const Ensemble& data, const GtvArx& arx, const RefinementC
     plan.choices.refinement_smoothing = choice.smoothing;
     plan.choices.refinement_first = choice.first_smoothing;
     plan.choices.refinement_iterations = choice.iterations;
-    for (const Jump& jump : choice.jumps) plan.choices.jumps.push_back(jump.step);
     Refined found;
     try {
       const Model begun = realise(data, arx, {}, plan, {em.threads, {}});
@@ -229,7 +228,6 @@ void refine_if_better(const Ensemble& data, const GtvArx& arx, const RefinementC
   result.findings.push_back({.kind = one_step ? Finding::Kind::em_worse_simulation : Finding::Kind::em_worse_one_step});
   result.plan.choices.refinement_smoothing = choice.smoothing;
   result.refinement.iterations = 0;
-  result.refinement.jumps.clear();
   result.refinement.ahead = choice.ahead_without_em;
   result.refinement.states = result.order_scores.best;
   result.refinement.error = choice.trials.front().error;
@@ -239,27 +237,6 @@ void refine_if_better(const Ensemble& data, const GtvArx& arx, const RefinementC
 bool tries_em(const Ensemble& data, const Selection& selected, const Plan& plan, const IdentifyOptions& options) {
   const bool found_constant = options.period == 0 && plan.choices.variation.period == 1;
   return options.refine.value_or(!found_constant || data.steps() < enough_without_em * selected.samples->steps());
-}
-
-// The stated jumps within the selected samples, in their steps.
-std::optional<std::vector<Index>> jumps_within(const IdentifyOptions& options, const Selection& selected) {
-  if (!options.jumps) return std::nullopt;
-  std::vector<Index> result;
-  for (const Index step : *options.jumps)
-    if (step > selected.begin && step < selected.begin + selected.samples->steps())
-      result.push_back(step - selected.begin);
-  return result;
-}
-
-// The jumps of the choice as steps of the record: those that were stated, or those that were found from step `begin`
-// on.
-void take_steps_of_record(const IdentifyOptions& options, Index begin, RefinementChoice& choice) {
-  for (RefinementTrial& trial : choice.trials)
-    for (Index& step : trial.jumps) step += begin;
-  for (Jump& jump : choice.jumps) jump.step += begin;
-  if (!options.jumps || choice.iterations == 0) return;
-  choice.jumps.clear();
-  for (const Index step : *options.jumps) choice.jumps.push_back({step});
 }
 
 // The choices of a subspace realisation and of EM, by cross-validation errors.
@@ -277,6 +254,23 @@ struct ChosenByFolds {
   }
 };
 
+TimeVariation of_selection(TimeVariation variation, const Selection& selection) {
+  variation.jumps = jumps_within(variation.jumps, selection);
+  return variation;
+}
+
+// The found jumps, at the steps that the model uses: before EM, a jump may also be one step earlier.
+std::vector<Jump> used_jumps(const std::vector<Jump>& found, const std::vector<Index>& used) {
+  std::vector<Jump> result;
+  for (const Index step : used)
+    for (const Jump& jump : found)
+      if (step == jump.step || (step == jump.step - 1 && jump.loss)) {
+        result.push_back({step, jump.loss});
+        break;
+      }
+  return result;
+}
+
 // An iteration of EM with all data, in iterations of one fold.
 double iteration_with_all(const Ensemble& data, const Ensemble& selection) {
   const double folds = double(fold_count(selection.experiments()));
@@ -292,14 +286,14 @@ ChosenByFolds chosen_by_folds(const Ensemble& data, const Selection& selected, c
   const Course course = course_of(options);
   const TimeLeft::Clock::time_point begin = TimeLeft::Clock::now();
   const Ensemble& selection = *selected.samples;
-  const Folds folds(selection, {.lags = plan.lags,
-                                .initial_state = selected.from_start ? plan.initial_state : InitialState::unknown,
-                                .feedthrough = plan.feedthrough.present,
-                                .variation = plan.choices.variation,
-                                .weightings = weightings(selection, plan, options),
-                                .centred = is_centred(plan),
-                                .output_weights = plan.output_weights,
-                                .execution = in_stage(options.execution, WorkStage::folds, course)});
+  Folds folds(selection, {.lags = plan.lags,
+                          .initial_state = selected.from_start ? plan.initial_state : InitialState::unknown,
+                          .feedthrough = plan.feedthrough.present,
+                          .variation = of_selection(plan.choices.variation, selected),
+                          .weightings = weightings(selection, plan, options),
+                          .centred = is_centred(plan),
+                          .output_weights = plan.output_weights,
+                          .execution = in_stage(options.execution, WorkStage::folds, course)});
   const Index most = plan.lags * data.outputs();
   const OrderScores& scores = result.scores =
       folds.choose_states(options.states, most, in_stage(options.execution, WorkStage::states, course));
@@ -321,9 +315,8 @@ ChosenByFolds chosen_by_folds(const Ensemble& data, const Selection& selected, c
   const OrderRange orders = options.states ? OrderRange{plan.states, plan.states} : OrderRange{1, most};
   if (before_em) before_em(result.start, plan);
   work.tell_time_after(timed_iterations, part_afterwards * seconds_since(begin));
-  result.refinement = folds.choose_refinement(plan.states, orders, scores,
-                                              {.smoothing = stated, .jumps = jumps_within(options, selected)}, work,
-                                              iteration_with_all(data, selection));
+  result.refinement =
+      folds.choose_refinement(plan.states, orders, scores, stated, work, iteration_with_all(data, selection));
   compare(result.refinement->models);
   return result;
 }
@@ -336,8 +329,11 @@ void realise_by_folds(const Ensemble& data, const Selection& selected, const Gtv
   result.model = std::move(chosen.start);
   if (!chosen.refinement) return;
   RefinementChoice& choice = chosen.refinement->choice;
-  take_steps_of_record(options, selected.begin, choice);
   if (choice.iterations > 0) {
+    if (!options.jumps) {
+      plan.choices.variation.jumps.clear();
+      for (const Jump& jump : choice.jumps) plan.choices.variation.jumps.push_back(selected.begin + jump.step);
+    }
     refine_if_better(data, arx, choice, {work, iteration_with_all(data, *selected.samples), options.execution.threads},
                      result);
   } else {
@@ -414,8 +410,7 @@ Realised realised(Ensemble&& data, const Selection& selection, Regressed& regres
   } else {
     result.model = realise(data, std::move(arx), {}, result.plan, execution);
   }
-  if (options.jumps && !options.jumps->empty() && plan.coupled && result.plan.choices.jumps.empty())
-    result.findings.push_back({.kind = Finding::Kind::jumps_unused, .steps = *options.jumps});
+  result.refinement.jumps = used_jumps(regression.jumps, result.plan.choices.variation.jumps);
   const bool refined = result.plan.choices.refinement_iterations > 0;
   if (!refined && plan.noisy && result.plan.method == Method::subspace && options.refine.value_or(true))
     result.model = with_first_steps(result.model, data, result.plan.initial_state, options.execution.threads);

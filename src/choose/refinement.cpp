@@ -38,23 +38,21 @@ constexpr double no_ladder = 0.0;
 // The search comes to a λ on several ways, with different rounding errors.
 bool same_smoothing(double a, double b) { return std::abs(a - b) <= 1e-6 * std::max(a, b); }
 
-// EM runs in stages. Each has a λ, a number of iterations, and ends with an evaluation. If matrices jump, EM first
-// follows them without jumps, so that a comparison of jumps starts from the same models.
+// EM runs in stages. Each has a λ, a number of iterations, and ends with an evaluation.
 struct Stage {
   Index iterations = 0;
   double smoothing = 0.0;
-  bool jumps = false, warm_up = false;
+  bool warm_up = false;
 };
 constexpr Index pooled_iterations[] = {10, 30, 100}, apart_iterations[] = {3, 5, 40}, rung_iterations = 12, longer = 48,
                 longest = 120;
 
-// For every λ the stages `first`, then with jumps also `jumping`. Only for the best λ the stages `last`.
+// For every λ the stages `first`. Only for the best λ the stages `last`.
 struct Schedule {
-  std::vector<Stage> first, jumping, last;
+  std::vector<Stage> first, last;
 
   std::vector<Stage> all() const {
     std::vector<Stage> stages = first;
-    stages.insert(stages.end(), jumping.begin(), jumping.end());
     stages.insert(stages.end(), last.begin(), last.end());
     return stages;
   }
@@ -77,20 +75,17 @@ std::optional<double> below(double smoothing, double first) {
 Schedule schedule_of(const RefineOptions& o, double first) {
   Schedule schedule;
   if (o.period.value_or(0) > 0) {
-    for (const Index count : pooled_iterations) schedule.first.push_back({count, o.smoothing, false, true});
+    for (const Index count : pooled_iterations) schedule.first.push_back({count, o.smoothing, true});
     return schedule;
   }
   if (first == no_ladder)
-    for (const Index count : apart_iterations) schedule.first.push_back({count, o.smoothing, false, true});
+    for (const Index count : apart_iterations) schedule.first.push_back({count, o.smoothing, true});
   else
     for (std::optional<double> next = o.smoothing; next; next = below(*next, first))
       schedule.first.push_back({rung_iterations, *next});
   if (first != no_ladder) std::reverse(schedule.first.begin(), schedule.first.end());
-  if (!o.jumps.empty())
-    schedule.jumping = {{longer, o.smoothing, true}};
-  else if (first != no_ladder)
-    schedule.last = {{longer, o.smoothing}};
-  schedule.last.push_back({longest, o.smoothing, !o.jumps.empty()});
+  if (first != no_ladder || !o.jumps.empty()) schedule.last = {{longer, o.smoothing}};
+  schedule.last.push_back({longest, o.smoothing});
   return schedule;
 }
 
@@ -99,7 +94,6 @@ Model refined_in(const Stage& stage, const Model& start, const Ensemble& data, s
   o.smoothing = stage.smoothing;
   o.iterations = stage.iterations;
   o.warm_up = stage.warm_up;
-  if (!stage.jumps) o.jumps.clear();
   return em::refine(start, data, samples, o).model;
 }
 // The most half decades that a search goes in one direction.
@@ -110,14 +104,9 @@ constexpr double hopeless = 2.0;
 // After as many iterations, a number of states is given up if its likelihood is lower than that of the best one, and
 // chance would do that with less than this probability: five standard errors of many experiments, and more of few.
 constexpr double hopeless_probability = 3e-7;
-// A jump is tried where its gain is larger than twice the median gain, and exceeds `sharp` times the gains two steps
-// before and after by this share of the median. Gains vary slowly over time if the matrices do: the excess was at most
-// 0.44 in smooth plants, and at least 0.82 at the jumps of others (bench/zoo).
-constexpr double sharp = 1.25, above_median = 2.0, least_excess = 0.6;
-constexpr size_t most_jumps = 8;
 // For the progress: numbers of λ that are usually tried, in a search and beside another search, and numbers of times
-// that `longer` iterations usually follow: for the best λ, and for each step where a jump is tried.
-constexpr double usual_tries = 6.0, usual_tries_beside = 2.0, usual_longer = 2.5, usual_for_jump = 6.0;
+// that `longer` iterations usually follow for the best λ.
+constexpr double usual_tries = 6.0, usual_tries_beside = 2.0, usual_longer = 2.5;
 
 }  // namespace
 
@@ -182,7 +171,7 @@ Vector log_likelihoods_with(const Vector& variances, Model model, const Ensemble
 class Folds::RefinementSearch {
  public:
   // `rest`: usual units of work of other searches and of last stages. `iteration`: units of an iteration with all data.
-  RefinementSearch(const Folds& folds, Index states, const OrderScores& scores, std::vector<Jump> jumps,
+  RefinementSearch(const Folds& folds, Index states, const OrderScores& scores, std::vector<Index> jumps,
                    SearchProgress& work, double rest, double iteration)
       : folds_(folds),
         work_(work),
@@ -218,7 +207,7 @@ class Folds::RefinementSearch {
   void is_last() { rest_ = 0.0; }
 
   // Tries λ, or only the given one. A longer stage follows only for the best λ.
-  void run(std::optional<double> smoothing_given, bool look_for_jumps) {
+  void run(std::optional<double> smoothing_given) {
     if (folds_.options_.variation.period == 1) smoothing_given = 0.0;
     searched_ = true;
     work_.begin("EM", (smoothing_given ? 1 : usual_tries) * iterations_of_attempt(), longer_work() + after());
@@ -227,9 +216,9 @@ class Folds::RefinementSearch {
     else
       choose_smoothing();
     if (!smoothing_given && !empty() && least_error()->error() > choice_.error) approach_start();
-    if (look_for_jumps && !empty() && !folds_.pooled()) find_jumps();
     if (empty()) return;
     work_.begin("EM: more iterations", longer_work(), after());
+    if (!folds_.pooled()) drop_needless_jumps();
     if (!climbs() || !jumps_.empty())
       continue_best();
     else
@@ -256,7 +245,7 @@ class Folds::RefinementSearch {
   const Likelihood& likelihood() const { return chosen()->likelihood; }
   double smoothing() const { return chosen()->smoothing; }
   double error() const { return chosen()->error(); }
-  const std::vector<Jump>& jumps() const { return jumps_; }
+  const std::vector<Index>& jumps() const { return jumps_; }
   const std::vector<RefinementTrial>& trials() const { return choice_.trials; }
 
   // EM is used if it predicts clearly better than the subspace models, and not clearly worse by one step: EM that has
@@ -273,7 +262,7 @@ class Folds::RefinementSearch {
       choice_.smoothing = attempt->smoothing;
       choice_.first_smoothing = first_;
       choice_.iterations = attempt->iterations;
-      choice_.jumps = jumps_;
+      for (const Index step : jumps_) choice_.jumps.push_back({step});
       choice_.one_step = attempt->errors.one_step;
       choice_.error = attempt->error();
       choice_.ahead = certainty(attempt->models);
@@ -319,15 +308,6 @@ class Folds::RefinementSearch {
     const Attempt *const most = likeliest(), *best = most;
     for (const Attempt& a : attempts_)
       if (a.error() < best->error() && most->likelihood.advantage(a.likelihood) < significant) best = &a;
-    return best;
-  }
-
-  // The attempt with the largest λ of those whose likelihood does not differ significantly from the largest. Where
-  // matrices may jump, the best λ is large, and shows it only after many iterations.
-  const Attempt* stiffest() const {
-    const Attempt *const most = likeliest(), *best = most;
-    for (const Attempt& a : attempts_)
-      if (a.smoothing > best->smoothing && most->likelihood.advantage(a.likelihood) < significant) best = &a;
     return best;
   }
 
@@ -388,15 +368,6 @@ class Folds::RefinementSearch {
   // Is the error of this attempt larger than the least one by the factor `hopeless`?
   bool lost(const Attempt& attempt) const { return attempt.error() > least_error()->error() + std::log(hopeless); }
 
-  // With one more jump, the best λ may be larger by decades. A λ in between may be worse than both.
-  void choose_larger_smoothing(double best) {
-    const double first = best;
-    Likelihood most = attempt(first);
-    for (const double factor : {10.0, 100.0, 1000.0})
-      if (first * factor < largest) try_smoothing(first * factor, 0.0, best, most);
-    climb(best, most);
-  }
-
   // Makes this λ the best one if it raises the likelihood by more than this number of standard errors.
   void try_smoothing(double smoothing, double advantage, double& best, Likelihood& most) {
     Likelihood found = attempt(smoothing);
@@ -439,152 +410,30 @@ class Folds::RefinementSearch {
     }
   }
 
-  // Adds jumps one by one where the gains of a jump are sharp. Each must raise the likelihood significantly, with the λ
-  // that is then the best, and moves to the step of the largest likelihood. At last, jumps that are not needed are
-  // removed: one that is a few steps away from the true one may have been found before it.
-  void find_jumps() {
-    while (jumps_.size() < most_jumps && add_jump()) continue;
-    for (size_t i = jumps_.size(); jumps_.size() > 1 && i-- > 0;) {
-      const double advantage = take_at_same_smoothing(without_jump(i), -significant);
-      if (!(advantage > -significant)) jumps_[i].loss = -advantage;
-    }
-  }
-
-  bool add_jump() {
-    const std::vector<Index> candidates = sharp_steps();
-    if (candidates.empty()) return false;
-    work_.begin("EM: looking for jumps", usual_for_jump * double(candidates.size()) * double(count_ * longer),
-                longer_work() + after());
-    const double smoothing = chosen()->smoothing;
-    // A jump is compared with as many iterations without it, also with the λ that is the best with the jump.
-    Likelihood most = likeliest()->likelihood;
-    std::vector<double> compared;
-    const auto go_as_far = [&](const Attempt& from) {
-      compared.push_back(from.smoothing);
-      Likelihood more = refined(from, {longer, from.smoothing}).likelihood;
-      if (more.sum() > most.sum()) most = std::move(more);
-    };
-    const bool first = jumps_.empty();
-    if (first) go_as_far(*chosen());
-    const auto before = [&](double best) {
-      const auto same = [&](double other) { return same_smoothing(other, best); };
-      if (first && std::none_of(compared.begin(), compared.end(), same)) go_as_far(complete_way_to(best).stages.back());
-      return most;
-    };
-    const auto search = [&] { choose_larger_smoothing(smoothing); };
-    for (Index step : candidates)
-      if (take_jumps(with_jump(jumps_, step), before, significant, search) > significant) {
-        step = moved_jump(step);
-        const auto same = [&](const Jump& jump) { return jump.step == step; };
-        std::find_if(jumps_.begin(), jumps_.end(), same)->loss =
-            likeliest()->likelihood.advantage(before(likeliest()->smoothing));
-        return true;
+  // Of jumps at two successive steps, the matrices need both only if the likelihood is significantly lower with one.
+  void drop_needless_jumps() {
+    for (size_t i = 0; i + 1 < jumps_.size();) {
+      const double smoothing = chosen()->smoothing;
+      const std::vector<Index> all = jumps_;
+      const Attempt from = way_to(smoothing).stages.back();
+      const Likelihood both = attempt(smoothing);
+      std::optional<Attempt> best;
+      std::vector<Index> needed;
+      for (const size_t without : {i, i + 1}) {
+        if (all[i] + 1 != all[i + 1]) break;
+        jumps_ = all;
+        jumps_.erase(jumps_.begin() + std::ptrdiff_t(without));
+        Attempt one = refined(from, {longer, smoothing});
+        if (!best || one.likelihood.sum() > best->likelihood.sum()) best = std::move(one), needed = jumps_;
       }
-    return false;
-  }
-
-  // Moves the jump at this step, while the likelihood rises. Returns its last step.
-  Index moved_jump(Index step) {
-    const auto at = [&](Index k) {
-      return std::any_of(jumps_.begin(), jumps_.end(), [&](const Jump& jump) { return jump.step == k; });
-    };
-    const auto moves = [&](Index to) {
-      if (to < 1 || to >= steps() || at(to)) return false;
-      std::vector<Jump> jumps = jumps_;
-      std::erase_if(jumps, [&](const Jump& jump) { return jump.step == step; });
-      return take_at_same_smoothing(with_jump(std::move(jumps), to), 0.0) > 0.0;
-    };
-    for (const Index by : {-1, 1}) {
-      const Index first = step;
-      while (moves(step + by)) step += by;
-      if (step != first) break;
-    }
-    return step;
-  }
-
-  static std::vector<Jump> with_jump(std::vector<Jump> jumps, Index step) {
-    const auto later = [&](const Jump& jump) { return jump.step > step; };
-    jumps.insert(std::find_if(jumps.begin(), jumps.end(), later), Jump{step});
-    return jumps;
-  }
-
-  std::vector<Jump> without_jump(size_t i) const {
-    std::vector<Jump> jumps = jumps_;
-    jumps.erase(jumps.begin() + std::ptrdiff_t(i));
-    return jumps;
-  }
-
-  double take_at_same_smoothing(std::vector<Jump> jumps, double advantage) {
-    const Attempt best = *likeliest();
-    return take_jumps(
-        std::move(jumps), [&](double) { return best.likelihood; }, advantage, [&] { attempt(best.smoothing); });
-  }
-
-  // Searches with other jumps. Keeps them if the likelihood of the best attempt then exceeds before(λ) by more than
-  // `least` standard errors. Returns by how many it does.
-  template <class Before, class Search>
-  double take_jumps(std::vector<Jump> jumps, Before&& before, double least, Search&& search) {
-    std::vector<Attempt> attempts = std::exchange(attempts_, {});
-    std::vector<double> tried = std::exchange(tried_, {});
-    std::swap(jumps, jumps_);
-    search();
-    double advantage = -std::numeric_limits<double>::infinity();
-    if (!empty()) {
-      const Likelihood found = likeliest()->likelihood;
-      advantage = found.advantage(before(likeliest()->smoothing));
-    }
-    if (advantage > least) return advantage;
-    std::swap(jumps, jumps_);
-    attempts_ = std::move(attempts);
-    tried_ = std::move(tried);
-    return advantage;
-  }
-
-  Index steps() const { return folds_.folds_.front().data.training.steps(); }
-
-  // The steps at which the gain of a jump is the sharpest, for each λ that was tried from the chosen one on, the
-  // largest λ first. A model that varies more freely follows a jump by itself, so that its gains are smaller and less
-  // sharp. EM that has spoiled its start shows jumps that do not exist.
-  std::vector<Index> sharp_steps() {
-    std::map<double, const Attempt*, std::greater<>> last;  // for each λ, the attempt with the most iterations
-    const double least = chosen()->smoothing;
-    for (const Attempt& a : attempts_)
-      if (a.smoothing >= least && a.smoothing > 0) last[a.smoothing] = &a;
-    std::vector<Index> steps;
-    for (const auto& [smoothing, attempt] : last) {
-      if (lost(*attempt)) continue;
-      const std::optional<Index> step = sharpest(jump_gains_of(*attempt));
-      if (step && std::find(steps.begin(), steps.end(), *step) == steps.end()) steps.push_back(*step);
-    }
-    return steps;
-  }
-
-  // (T) Summed over the folds. A model that has diverged shows no jump.
-  Vector jump_gains_of(const Attempt& attempt) {
-    std::vector<Vector> gains(count_);
-    for_each_fold([&](size_t f) {
-      const Ensemble& training = folds_.folds_[f].data.training;
-      try {
-        gains[f] = jump_gains(attempt.models[f], training, options(attempt.smoothing));
-      } catch (const std::runtime_error&) {
-        gains[f] = Vector::Zero(training.steps());
+      if (best && best->likelihood.advantage(both) > -significant) {
+        jumps_ = std::move(needed);
+        attempts_ = {std::move(*best)};
+      } else {
+        jumps_ = all;
+        ++i;
       }
-    });
-    return std::accumulate(gains.begin() + 1, gains.end(), gains.front());
-  }
-
-  static std::optional<Index> sharpest(const Vector& gains) {
-    constexpr Index aside = 2;
-    std::vector<double> sorted(gains.begin(), gains.end());
-    const auto middle = sorted.begin() + std::ptrdiff_t(sorted.size() / 2);
-    std::nth_element(sorted.begin(), middle, sorted.end());
-    std::optional<Index> best;
-    double most = least_excess * *middle;
-    for (Index k = aside + 1; k + aside < gains.size(); ++k) {
-      const double excess = gains(k) - sharp * std::max(gains(k - aside), gains(k + aside));
-      if (gains(k) > above_median * *middle && excess > most) most = excess, best = k;
     }
-    return best;
   }
 
   // Is the likelihood hopelessly lower than that of `rival` after as many iterations with the same λ?
@@ -615,10 +464,9 @@ class Folds::RefinementSearch {
     if (std::none_of(attempts_.begin(), attempts_.end(), known)) keep(refined(first, {longer, smoothing}));
   }
 
-  // The further stages, if EM has not been best before. With a jump and a large λ, EM may leave a good model again. On
-  // all experiments it might do so earlier, so that another λ is then chosen.
+  // The further stages, if EM has not been best before.
   void continue_best() {
-    const Attempt best = jumps_.empty() ? *chosen() : *stiffest();
+    const Attempt best = *chosen();
     const auto farther = [&](const Attempt& a) {
       return same_smoothing(a.smoothing, best.smoothing) && a.iterations > best.iterations;
     };
@@ -627,12 +475,6 @@ class Folds::RefinementSearch {
     Index end = 0;
     for (const Stage& stage : schedule_of(options(best.smoothing), first_).all())
       if (end += stage.iterations; end > best.iterations) keep(now = refined(std::move(now), stage));
-    const auto same = [&](const Attempt& attempt) { return attempt.smoothing == best.smoothing; };
-    if (jumps_.empty() || now.likelihood.advantage(best.likelihood) > -significant ||
-        std::all_of(attempts_.begin(), attempts_.end(), same))
-      return;
-    std::erase_if(attempts_, same);
-    continue_best();
   }
 
   // EM with this λ, from subspace models, unless it was tried before. Returns the largest log-likelihood of the
@@ -641,14 +483,12 @@ class Folds::RefinementSearch {
     const auto same = [&](double other) { return same_smoothing(other, smoothing); };
     if (std::none_of(tried_.begin(), tried_.end(), same)) {
       tried_.push_back(smoothing);
-      if (searched_ && jumps_.empty())
+      if (searched_)
         work_.rename(fmt::format("EM: lambda, attempt {} of about {}", tried_.size(),
                                  std::max(tried_.size(), size_t(usual_tries))));
-      const Way& way = jumps_.empty() ? way_to(smoothing) : complete_way_to(smoothing);
-      if (jumps_.empty())
-        for (const Attempt& stage : way.stages) keep(stage);
-      for (const Stage& stage : schedule_of(options(smoothing), first_).jumping)
-        keep(refined(way.stages.back(), stage));
+      for (const Attempt& stage : way_to(smoothing).stages) keep(stage);
+      if (!jumps_.empty())
+        go_on(smoothing);  // with a jump, a large λ shows that it is the best only after more iterations
     }
     Likelihood most;
     for (const Attempt& a : attempts_)
@@ -656,7 +496,7 @@ class Folds::RefinementSearch {
     return most;
   }
 
-  // The first stages of this λ, without jumps. Those of smaller λ, which its ladder shares, are not repeated.
+  // The first stages of this λ. Those of smaller λ, which its ladder shares, are not repeated.
   Way& way_to(double smoothing) {
     for (Way& known : ways_)
       if (same_smoothing(known.smoothing, smoothing)) return known;
@@ -676,15 +516,6 @@ class Folds::RefinementSearch {
     return ways_.emplace_back(std::move(way));
   }
 
-  // Also the stages that were given up: with a jump, this λ may be the best.
-  const Way& complete_way_to(double smoothing) {
-    Way& way = way_to(smoothing);
-    const std::vector<Stage> stages = schedule_of(options(smoothing), first_).first;
-    while (way.stages.size() < (climbs() ? 1 : stages.size()))
-      way.stages.push_back(refined(way.stages.back(), stages[way.stages.size()]));
-    return way;
-  }
-
   void keep(const Attempt& attempt) {
     if (std::isfinite(attempt.likelihood.sum())) attempts_.push_back(attempt);
   }
@@ -701,8 +532,8 @@ class Folds::RefinementSearch {
     start.likelihood = all ? Likelihood(found) : Likelihood();
     start.errors = errors(start.models);
     start.iterations += stage.iterations;
-    choice_.trials.push_back({choice_.states, start.smoothing, start.iterations, start.error(), start.likelihood.mean(),
-                              stage.jumps ? options(start.smoothing).jumps : std::vector<Index>{}});
+    choice_.trials.push_back(
+        {choice_.states, start.smoothing, start.iterations, start.error(), start.likelihood.mean()});
     return start;
   }
 
@@ -712,7 +543,7 @@ class Folds::RefinementSearch {
     o.period = folds_.options_.variation.period;
     o.initial_state = folds_.options_.initial_state;
     o.feedthrough = folds_.options_.feedthrough;
-    for (const Jump& jump : jumps_) o.jumps.push_back(jump.step);
+    o.jumps = jumps_;
     return o;
   }
 
@@ -757,7 +588,7 @@ class Folds::RefinementSearch {
   SearchProgress& work_;
   double rest_, iteration_;  // of the constructor
   bool searched_ = false;    // for the best λ, not beside another search
-  std::vector<Jump> jumps_;  // of all attempts
+  std::vector<Index> jumps_;
   size_t count_;
   std::vector<Model> starts_;                     // subspace models
   std::vector<Model> without_em_;                 // the same, which predict from step 0 on
@@ -774,15 +605,14 @@ class Folds::RefinementSearch {
 };
 
 RefinementOfFolds Folds::choose_refinement(Index states, const OrderRange& orders, const OrderScores& scores,
-                                           const StatedRefinement& stated, SearchProgress& work,
+                                           std::optional<double> smoothing, SearchProgress& work,
                                            double iteration) const {
-  std::vector<Jump> stated_jumps;
-  for (const Index step : stated.jumps.value_or(std::vector<Index>{})) stated_jumps.push_back({step});
   const double fold_count = double(std::min(folds_.size(), size_t(most_refined)));
   const double last = fold_count * longest,
                beside = orders.most > orders.fewest ? usual_tries_beside * fold_count * longer : 0.0;
-  auto best = std::make_unique<RefinementSearch>(*this, states, scores, stated_jumps, work, beside + last, iteration);
-  best->run(stated.smoothing, !stated.jumps);
+  auto best = std::make_unique<RefinementSearch>(*this, states, scores, options_.variation.jumps, work, beside + last,
+                                                 iteration);
+  best->run(smoothing);
   std::vector<RefinementTrial> trials = best->trials();
   // Takes the other number of states if its likelihood has this advantage, in standard errors, and its error is below
   // the present one times `allowed`.
@@ -796,8 +626,8 @@ RefinementOfFolds Folds::choose_refinement(Index states, const OrderRange& order
   const auto try_order = [&](Index n, double advantage, double allowed) {
     auto other =
         std::make_unique<RefinementSearch>(*this, n, scores, best->jumps(), work, beside / 2 + last, iteration);
-    if (stated.smoothing)
-      other->run(stated.smoothing, false);
+    if (smoothing)
+      other->run(smoothing);
     else
       other->run_beside(*best);
     return take_if(std::move(other), advantage, allowed);
@@ -807,10 +637,10 @@ RefinementOfFolds Folds::choose_refinement(Index states, const OrderRange& order
   while (!best->empty() && n < orders.most && try_order(n + 1, significant, larger)) ++n;
   if (n == states)
     while (!best->empty() && n > orders.fewest && try_order(n - 1, -noticeable, worth_it)) --n;
-  if (n != states && !stated.smoothing) {  // the best λ may differ for this number of states
+  if (n != states && !smoothing) {  // the best λ may differ for this number of states
     const size_t known = best->trials().size();
     best->is_last();
-    best->run({}, !stated.jumps && best->jumps().empty());
+    best->run({});
     trials.insert(trials.end(), best->trials().begin() + std::ptrdiff_t(known), best->trials().end());
   }
   const size_t known = best->trials().size();

@@ -14,6 +14,7 @@
 #include "choose/feedthrough.hpp"
 #include "choose/folds.hpp"
 #include "choose/initial_state.hpp"
+#include "choose/jumps.hpp"
 #include "choose/stages.hpp"
 #include "data/output_weights.hpp"
 #include "diagnose/regressions.hpp"
@@ -168,6 +169,14 @@ Regressed each_step_alone(const Ensemble& data, const Plan& stated, const Identi
   return result;
 }
 
+// Of these orders, those up to half of p. Around a jump, p steps have past samples of both sides, and little data
+// determine their coefficients. EM does not depend on the lag order, and starts better from fewer lags.
+std::vector<Index> half_of(std::vector<Index> orders, Index lags) {
+  const Index most = std::max(orders.front(), ceil_div(lags, 2));
+  std::erase_if(orders, [&](Index p) { return p > most; });
+  return orders;
+}
+
 // Chooses λ and p by cross-validation error, or takes the values asked for.
 void choose_variation(const Ensemble& data, const Ensemble& selection, const IdentifyOptions& options,
                       SmoothingOptions o, Regressed& result) {
@@ -178,6 +187,15 @@ void choose_variation(const Ensemble& data, const Ensemble& selection, const Ide
     variation = options.choices->variation;
   } else if (selection.experiments() > 1) {
     result.smoothing_choice = choose_smoothing(selection, o);
+    const double smoothing = result.smoothing_choice.smoothing;
+    if (options.period == 0 && !options.jumps && smoothing > 0 && std::isfinite(smoothing)) {
+      result.jumps = find_jumps(selection, o, result.smoothing_choice.lags, smoothing);
+      for (const Jump& jump : result.jumps) o.jumps.push_back(jump.step);
+    }
+    if (!o.jumps.empty()) {
+      if (options.refine.value_or(true)) o.lags = half_of(o.lags, result.smoothing_choice.lags);
+      result.smoothing_choice = choose_smoothing(selection, o);
+    }
     plan.lags = result.smoothing_choice.lags;
     variation.smoothing = result.smoothing_choice.smoothing;
   } else {
@@ -194,13 +212,13 @@ void choose_variation(const Ensemble& data, const Ensemble& selection, const Ide
     if (by_gaps)
       result.findings.push_back({.kind = Finding::Kind::smoothing_by_gaps, .numbers = {{"smoothing", stiff}}});
   };
-  // With stated jumps the matrices do vary. In the regressions, which know no jumps, at least a little.
-  if (options.jumps && !options.jumps->empty() && std::isinf(variation.smoothing)) variation.smoothing = stiff;
+  // With jumps the matrices do vary.
+  if (!result.jumps.empty() && std::isinf(variation.smoothing)) variation.smoothing = stiff;
   if (!options.choices) variation.period = options.period;
   const bool varies = !std::isinf(variation.smoothing) && options.period != 1;
   // A record that is much longer than its selection determines many lags of one model for all steps.
   const bool questioned = varies && options.period == 0 && !options.smoothing && !options.choices && !options.jumps &&
-                          selection.experiments() > 1 && selection.steps() < data.steps();
+                          result.jumps.empty() && selection.experiments() > 1 && selection.steps() < data.steps();
   if (varies && !questioned) return report_gaps();
   // One regression of all steps has more samples than the regression of one step, so it permits larger lag orders.
   std::optional<SmoothingChoice> constant;
@@ -223,10 +241,10 @@ void choose_variation(const Ensemble& data, const Ensemble& selection, const Ide
 // The regressions that choose_variation() does not reach.
 std::optional<Rival> rival_beside(const Ensemble& data, const Ensemble& selection, IdentifyOptions options,
                                   SmoothingOptions o, const Plan& plan) {
-  if (options.period > 0 || options.smoothing || options.lags || options.states || options.choices || options.jumps ||
-      selection.experiments() < 2)
-    return std::nullopt;
   const TimeVariation& variation = plan.choices.variation;
+  if (options.period > 0 || options.smoothing || options.lags || options.states || options.choices || options.jumps ||
+      !variation.jumps.empty() || selection.experiments() < 2)
+    return std::nullopt;
   const bool starts_em = options.refine.value_or(true);
   options.refine = false;
   o.lags = lag_candidates(selection, data, plan.nominal, o.initial_state, 0, options);
@@ -259,7 +277,22 @@ Regressed coupled(const Ensemble& data, const Selection& selected, const Plan& s
   if (o.lags.back() >= selection.steps())
     throw std::invalid_argument(fmt::format("steps: {} found, lag order {} needs at least {}", selection.steps(),
                                             o.lags.back(), o.lags.back() + 1));
+  if (options.jumps) {
+    for (const Index step : *options.jumps) result.jumps.push_back({step});
+    o.jumps = jumps_within(*options.jumps, selected);
+  }
   choose_variation(data, selection, options, o, result);
+  if (!options.choices) {
+    // Regressions show a jump of A_k and B_k one step late, because these affect no output before step k+1. Until EM
+    // tells, a found jump may also be one step earlier.
+    std::vector<Index>& steps = plan.choices.variation.jumps;
+    for (Jump& jump : result.jumps) {
+      if (!options.jumps) jump.step += selected.begin;
+      if (!options.jumps && jump.step > 1 && (steps.empty() || steps.back() < jump.step - 1))
+        steps.push_back(jump.step - 1);
+      steps.push_back(jump.step);
+    }
+  }
   result.rival = rival_beside(data, selection, options, o, plan);
 
   const Index whole = checked_windows(data, plan), unknowns = unknowns_of(data, plan.lags, plan.feedthrough.present);
@@ -389,6 +422,14 @@ Selection selection_samples(const Ensemble& data, const IdentifyOptions& options
     return {std::make_shared<Ensemble>(cut(data, steps / pieces / period * period)), 0, false};
   const Selection all{{std::shared_ptr<const Ensemble>(), &data}};
   return period == 0 ? with_enough_experiments(all) : all;
+}
+
+std::vector<Index> jumps_within(const std::vector<Index>& jumps, const Selection& selection) {
+  std::vector<Index> result;
+  for (const Index step : jumps)
+    if (step > selection.begin && step < selection.begin + selection.samples->steps())
+      result.push_back(step - selection.begin);
+  return result;
 }
 
 bool windows_are_scarce(const Ensemble& data, Index lags) {

@@ -21,7 +21,8 @@ struct Regressed {
   InitialStateTest initial_state_test;
   LagOrderErrors lag_order_errors;   // from regressions of each step alone
   SmoothingChoice smoothing_choice;  // from coupled steps
-  std::optional<Rival> rival;        // of coupled steps that vary, unless p, λ or jumps are stated
+  std::vector<Jump> jumps;           // of coupled steps
+  std::optional<Rival> rival;        // of coupled steps without a jump, unless p, λ or jumps are stated
   Findings findings;
 };
 
@@ -33,6 +34,9 @@ struct Selection {
   bool from_start = true;                   // all experiments begin with step 0 of the data
 };
 Selection selection_samples(const Ensemble& data, const IdentifyOptions& options);
+
+// The jumps within the selected samples, in their steps.
+std::vector<Index> jumps_within(const std::vector<Index>& jumps, const Selection& selection);
 
 // `nominal`: a mean motion was removed.
 // \throws std::invalid_argument for too few experiments, steps or windows without a gap

@@ -50,8 +50,8 @@ void check_jumps(const Ensemble& data, const IdentifyOptions& options) {
     throw std::invalid_argument("jumps: steps found, but the steps of a period share a model. State no period");
   if (options.smoothing && std::isinf(*options.smoothing))
     throw std::invalid_argument("jumps: steps found, but one model serves all steps. State a finite smoothing");
-  if (options.method == Method::tvera || !options.refine.value_or(true))
-    throw std::invalid_argument("jumps: steps found, which only EM uses. Use method subspace with refine");
+  if (options.method == Method::tvera)
+    throw std::invalid_argument("jumps: steps found, but each step has its own matrices. Use method subspace");
 }
 
 void check_method(const Ensemble& data, const IdentifyOptions& options) {

@@ -90,7 +90,7 @@ RefinedModel refine_model(const Model& model, const Ensemble& data, const Refine
   RefineModelOptions part = options;
   part.refine.feedthrough = options.feedthrough.value_or(has_feedthrough(model.provenance));
   if (options.refine.jumps.empty() && model.provenance.choices && options.refine.period.value_or(model.period) == 0)
-    for (const Index step : model.provenance.choices->jumps)
+    for (const Index step : model.provenance.choices->variation.jumps)
       if (step < data.steps()) part.refine.jumps.push_back(step);
   part.refine.execution = share(options.refine.execution, 0.0, 0.5);
   choose(model, data, part, result);

@@ -50,8 +50,8 @@ void fields(Archive& archive, S& s) {
 template <class Archive, class T>
 requires std::is_same_v<std::remove_const_t<T>, RefinementTrial>
 void fields(Archive& archive, T& t) {
-  auto& [states, smoothing, iterations, error, log_likelihood, jumps] = t;
-  archive(states, smoothing, iterations, error, log_likelihood, jumps);
+  auto& [states, smoothing, iterations, error, log_likelihood] = t;
+  archive(states, smoothing, iterations, error, log_likelihood);
 }
 
 template <class Archive, class J>

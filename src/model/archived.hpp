@@ -39,11 +39,17 @@ void fields(Archive& archive, S& step) {
     if (!step.whole()) throw std::runtime_error("a damaged record found");
 }
 
+template <class Archive, class V>
+requires std::is_same_v<std::remove_const_t<V>, TimeVariation>
+void fields(Archive& archive, V& v) {
+  archive(v.smoothing, v.period, v.jumps);
+}
+
 template <class Archive, class C>
 requires std::is_same_v<std::remove_const_t<C>, NoisyChoices>
 void fields(Archive& archive, C& c) {
   archive(c.variation, c.state_smoothing, c.weighting, c.refinement_smoothing, c.refinement_first,
-          c.refinement_iterations, c.jumps, c.delays);
+          c.refinement_iterations, c.delays);
 }
 
 template <class Archive, class C>

@@ -293,7 +293,6 @@ class Climb {
   }
 
   Refinement run();
-  Vector jump_gains();
 
  private:
   Point first_point();
@@ -385,11 +384,6 @@ void Climb::report(const Point& now, Refinement& result) const {
   else if (estimator_.phases() == samples_.steps && samples_.steps > 1 && std::isfinite(options_.smoothing) &&
            samples_.experiments < unknowns)
     add(Kind::em_fewer_than_unknowns, {{"experiments", double(samples_.experiments)}, {"unknowns", double(unknowns)}});
-}
-
-Vector Climb::jump_gains() {
-  const Point now = first_point();
-  return estimator_.jump_gains(now.moments, now.parameters);
 }
 
 Refinement Climb::run() {
@@ -500,16 +494,6 @@ Refinement em::refine(const Model& model, const Ensemble& data, std::optional<Da
          .numbers = {{"steps", double(data.steps())}, {"last", double(model.k_end() - 1)}}});
   if (options.execution.progress) options.execution.progress({.share = 1.0});
   return result;
-}
-
-Vector jump_gains(const Model& model, const Ensemble& data, const RefineOptions& options) {
-  check(options, data.steps());
-  if (period_of(model, options) > 0) throw std::invalid_argument("model: shared steps found, none may be shared");
-  if (!(options.smoothing > 0))
-    throw std::invalid_argument(fmt::format("smoothing: {} found, more than 0 needed", options.smoothing));
-  const InitialState initial = initial_state_of(model, data, options);
-  const Model start = starting_model(model, data, options, initial);
-  return Climb(start, em::Data(start, data), options, initial, in_raw_frame(model)).jump_gains();
 }
 
 Vector log_likelihoods(const Model& model, const Ensemble& data, const Execution& execution) {

@@ -315,10 +315,20 @@ void examine(const ConstMatrixRef& regressors, Fitted& fitted) {
   fitted.condition = fitted.rank > 0 ? sigma(0) / sigma(fitted.rank - 1) : 0.0;
 }
 
+// The steps after `begin` at which the matrices change fast. The state predicts f outputs, so that its coordinates
+// change over the f steps to a jump.
+std::vector<Index> changes_before(const std::vector<Index>& jumps, Index future, Index begin) {
+  std::vector<Index> result;
+  for (const Index jump : jumps)
+    for (Index k = std::max(jump - future + 1, result.empty() ? begin + 1 : begin + result.back() + 1); k <= jump; ++k)
+      result.push_back(k - begin);
+  return result;
+}
+
 // Regressions of all groups. rows_of(k, window) gives [regressors right] of a step, or an empty matrix.
 template <class Rows>
-std::vector<Fitted> regress(const Steps& steps, const SubspaceOptions& o, const std::vector<Index>& regressors,
-                            Rows&& rows_of) {
+std::vector<Fitted> regress(const Steps& steps, const SubspaceOptions& o, Index future,
+                            const std::vector<Index>& regressors, Rows&& rows_of) {
   const size_t groups = size_t(steps.groups());
   std::vector<Matrix> factor(groups);
   std::vector<Fitted> result(groups);
@@ -346,7 +356,8 @@ std::vector<Fitted> regress(const Steps& steps, const SubspaceOptions& o, const 
     rms = (rms.array() > 0).select(rms, 1.0);  // columns of equal size, so that the rank does not depend on units
     std::vector<Matrix> rows(factor.begin() + std::ptrdiff_t(begin), factor.begin() + std::ptrdiff_t(end));
     for (Matrix& block : rows) block.leftCols(l) *= rms.cwiseInverse().asDiagonal();
-    const std::vector<Matrix> x = random_walk_regression(rows, l, Vector::Constant(l, std::sqrt(smoothing)));
+    const std::vector<Index> loose = changes_before(o.variation.jumps, future, Index(begin));
+    const std::vector<Matrix> x = random_walk_regression(rows, l, Vector::Constant(l, std::sqrt(smoothing)), loose);
     for (size_t g = begin; g < end; ++g) {
       const Matrix& block = rows[g - begin];
       const auto right = block.rightCols(block.cols() - l);
@@ -375,10 +386,12 @@ std::vector<Fitted> regress(const Steps& steps, const SubspaceOptions& o, const 
 // The two regressions on the states: of the outputs and of the next states.
 class StateRegressions {
  public:
-  StateRegressions(const Steps& steps, const StateMaps& maps, bool feedthrough, const SubspaceOptions& options)
+  StateRegressions(const Steps& steps, const StateMaps& maps, Index future, bool feedthrough,
+                   const SubspaceOptions& options)
       : steps_(steps),
         maps_(maps),
         options_(options),
+        future_(future),
         r_(steps.data.inputs()),
         m_(steps.data.outputs()),
         through_(feedthrough ? r_ : 0),
@@ -429,7 +442,7 @@ class StateRegressions {
   std::vector<Fitted> fitted(Index (StateRegressions::*regressors_of)(Index) const, Rows&& rows_of) const {
     std::vector<Index> regressors;
     for (Index g = 0; g < steps_.groups(); ++g) regressors.push_back((this->*regressors_of)(g));
-    return regress(steps_, options_, regressors, rows_of);
+    return regress(steps_, options_, future_, regressors, rows_of);
   }
 
   Matrix samples_of(const Matrix& window, Index k) const {  // [x u y]
@@ -440,7 +453,7 @@ class StateRegressions {
   const Steps& steps_;
   const StateMaps& maps_;
   const SubspaceOptions& options_;
-  Index r_, m_, through_, errors_;  // inputs, outputs, inputs with feedthrough, innovations
+  Index future_, r_, m_, through_, errors_;  // inputs, outputs, inputs with feedthrough, innovations
 };
 
 // The residuals of the regressions as roots of the covariances of each step. With few experiments, all steps of full
@@ -491,7 +504,7 @@ Model realise(const Windows& e, const GtvArx& arx, const PredictorFactors& facto
   const Steps steps(e, arx, o);
   const Index r = e.inputs(), m = e.outputs();
   const StateMaps maps = state_maps(steps, factors, o);
-  const StateRegressions regressions(steps, maps, arx.feedthrough, o);
+  const StateRegressions regressions(steps, maps, factors.future, arx.feedthrough, o);
   const std::vector<Fitted> outputs = regressions.outputs(), next_states = regressions.next_states(outputs);
 
   Model model;

@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <stdexcept>
 
@@ -12,6 +13,8 @@
 namespace tokid {
 
 namespace {
+
+const double loose_share = std::sqrt(loose_penalty);  // of the stiffness
 
 void check(const std::vector<Matrix>& rows, Index regressors, const Vector& stiffness) {
   if (stiffness.size() != regressors || !(stiffness.array() >= 0).all())
@@ -44,14 +47,15 @@ class Eliminator {
   Eliminator(const Vector& stiffness, Index right)
       : stiffness_(stiffness), above_(stiffness.size(), 2 * stiffness.size() + right), below_(above_) {}
 
-  Eliminated run(const Matrix& triangle, Matrix& next) {
+  // `share`: of the stiffness
+  Eliminated run(const Matrix& triangle, Matrix& next, double share = 1.0) {
     const Index l = stiffness_.size(), right = above_.cols() - 2 * l;
     above_.setZero();
     above_.topLeftCorner(triangle.rows(), l) = triangle.leftCols(l);
     above_.topRightCorner(triangle.rows(), right) = triangle.rightCols(right);
     below_.setZero();
-    below_.leftCols(l).diagonal() = -stiffness_;
-    below_.middleCols(l, l).diagonal() = stiffness_;
+    below_.leftCols(l).diagonal() = -share * stiffness_;
+    below_.middleCols(l, l).diagonal() = share * stiffness_;
     for (Index j = 0; j < l; ++j) {
       const double tau = linalg::make_reflection(above_(j, j), below_.col(j).data(), j + 1);
       if (tau == 0.0) continue;
@@ -79,7 +83,8 @@ class Eliminator {
 
 }  // namespace
 
-std::vector<Matrix> random_walk_regression(const std::vector<Matrix>& rows, Index regressors, const Vector& stiffness) {
+std::vector<Matrix> random_walk_regression(const std::vector<Matrix>& rows, Index regressors, const Vector& stiffness,
+                                           const std::vector<Index>& loose) {
   check(rows, regressors, stiffness);
   const size_t steps = rows.size();
   std::vector<Matrix> x(steps);
@@ -102,7 +107,9 @@ std::vector<Matrix> random_walk_regression(const std::vector<Matrix>& rows, Inde
   Matrix known = triangular(rows[0]);
   for (size_t g = 0; g + 1 < steps; ++g) {
     Matrix next;
-    eliminated[g] = eliminator.run(known.topRows(std::min(known.rows(), regressors)), next);
+    const bool is_loose = std::binary_search(loose.begin(), loose.end(), Index(g) + 1);
+    eliminated[g] =
+        eliminator.run(known.topRows(std::min(known.rows(), regressors)), next, is_loose ? loose_share : 1.0);
     known = triangular(linalg::stacked(next, rows[g + 1]));
   }
   x[steps - 1] = determined_by(known.topRows(std::min(known.rows(), regressors)), regressors);
@@ -132,31 +139,45 @@ std::vector<Matrix> known_up_to(const std::vector<Matrix>& rows, const Vector& s
   return known;
 }
 
-// The least Σ of squares of the rows about X_{g-1}, the rows about X_g, and the penalty on their difference.
-double coupled_residual(const Matrix& before, const Matrix& after, const Vector& stiffness) {
-  const Index l = stiffness.size(), q = before.cols() - l;
-  Matrix all = Matrix::Zero(before.rows() + after.rows() + l, 2 * l + q);
-  all.topLeftCorner(before.rows(), l) = before.leftCols(l);
-  all.topRightCorner(before.rows(), q) = before.rightCols(q);
-  all.block(before.rows(), l, after.rows(), l + q) = after;
-  all.block(before.rows() + after.rows(), 0, l, l).diagonal() = -stiffness;
-  all.block(before.rows() + after.rows(), l, l, l).diagonal() = stiffness;
-  const Matrix triangle = linalg::triangular_factor(all);
-  return triangle.bottomRightCorner(std::max<Index>(0, triangle.rows() - 2 * l), q).squaredNorm();
+// The least sum of squares of rows about X_{g-1}, of the rows about the steps from g on, and of the penalties between
+// them.
+double least_squares(Matrix known, const std::vector<const Matrix*>& rows, Index regressors, Eliminator& eliminator,
+                     double share) {
+  double sum = 0.0;
+  Matrix next;
+  for (const Matrix* own : rows) {
+    eliminator.run(known, next, share);
+    Matrix both = linalg::stacked(next, *own);
+    both = linalg::triangular_factor(both);
+    const Index left = std::max<Index>(0, both.rows() - regressors);
+    sum += both.bottomRightCorner(left, both.cols() - regressors).squaredNorm();
+    known = both.topRows(both.rows() - left);
+  }
+  return sum;
 }
 
 }  // namespace
 
-Vector jump_gains(const std::vector<Matrix>& rows, const Vector& stiffness) {
-  check(rows, stiffness.size(), stiffness);
+Vector loosening_gains(const std::vector<Matrix>& rows, const Vector& stiffness, Index width) {
+  const Index l = stiffness.size();
+  check(rows, l, stiffness);
   if (!(stiffness.array() > 0).all() || !stiffness.allFinite())
     throw std::invalid_argument("stiffness: zero, negative or infinite entries found, positive and finite needed");
+  if (width < 1) throw std::invalid_argument(fmt::format("width: {} found, at least 1 needed", width));
   const size_t steps = rows.size();
   Vector gains = Vector::Zero(Index(steps));
   if (steps < 2) return gains;
   const std::vector<Matrix> before = known_up_to(rows, stiffness);
   const std::vector<Matrix> after = known_up_to({rows.rbegin(), rows.rend()}, stiffness);
-  for (size_t g = 1; g < steps; ++g) gains(Index(g)) = coupled_residual(before[g - 1], after[steps - 1 - g], stiffness);
+  Eliminator eliminator(stiffness, rows[0].cols() - l);
+  for (size_t g = 1; g < steps; ++g) {
+    const size_t last = std::min(g + size_t(width), steps) - 1;
+    std::vector<const Matrix*> between;
+    for (size_t i = g; i < last; ++i) between.push_back(&rows[i]);
+    between.push_back(&after[steps - 1 - last]);
+    gains(Index(g)) = least_squares(before[g - 1], between, l, eliminator, 1.0) -
+                      least_squares(before[g - 1], between, l, eliminator, loose_share);
+  }
   return gains;
 }
 

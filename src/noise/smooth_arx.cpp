@@ -91,6 +91,15 @@ Vector stiffness(const GroupFactors& w, double smoothing) {
   return Vector::Constant(w.regressors, std::isinf(smoothing) ? inf : std::sqrt(smoothing * w.mean_rows));
 }
 
+// The steps from `begin` on at which the coefficients change fast: p+1 after each jump.
+std::vector<Index> changes_at(const std::vector<Index>& jumps, Index lags, Index begin) {
+  std::vector<Index> result;
+  for (const Index jump : jumps)
+    for (Index k = std::max(jump, result.empty() ? Index{0} : result.back() + begin + 1); k <= jump + lags; ++k)
+      if (k > begin) result.push_back(k - begin);
+  return result;
+}
+
 // Residual sums of squares and products of the rows [R Z] with the solution X.
 Matrix residual_square(const Matrix& rows, const Matrix& x) {
   const Matrix e = rows.rightCols(x.cols()) - rows.leftCols(x.rows()) * x;
@@ -107,13 +116,27 @@ void check(const Windows& e, Index lags, const TimeVariation& v) {
 
 }  // namespace
 
+Vector jump_gains(const Windows& e, const SmoothArxOptions& options) {
+  check(e, options.lags, options.variation);
+  const Index m = e.outputs();
+  GroupFactors w = group_factors(e, options, window_scales(e, options.lags, options.feedthrough), 0, e.steps());
+  const Vector stiff = stiffness(w, options.variation.smoothing);
+  const std::vector<Matrix> x = random_walk_regression(w.factor, w.regressors, stiff);
+  Matrix covariance = Matrix::Zero(m, m);
+  for (size_t k = 0; k < x.size(); ++k)
+    covariance += residual_square(w.factor[k], x[k]) / (w.mean_rows * double(x.size()));
+  const Matrix whitener = linalg::whitener(covariance);
+  for (Matrix& rows : w.factor) rows.rightCols(m) = (rows.rightCols(m) * whitener.transpose()).eval();
+  return loosening_gains(w.factor, stiff, options.lags + 1);
+}
+
 GtvArx smooth_arx(const Windows& e, const SmoothArxOptions& options) {
   check(e, options.lags, options.variation);
   const Index p = options.lags, m = e.outputs(), steps = e.steps();
   const Vector scales = window_scales(e, p, options.feedthrough);
   const GroupFactors w = group_factors(e, options, scales, 0, steps);
-  const std::vector<Matrix> x =
-      random_walk_regression(w.factor, w.regressors, stiffness(w, options.variation.smoothing));
+  const std::vector<Matrix> x = random_walk_regression(
+      w.factor, w.regressors, stiffness(w, options.variation.smoothing), changes_at(options.variation.jumps, p, 0));
   GtvArx arx;
   arx.feedthrough = options.feedthrough;
   arx.resize(steps, e.inputs(), m, p, false, 0, options.variation.period);
@@ -184,7 +207,7 @@ class CandidateErrors {
       for (Index i = begin; i < end; ++i) {
         const Piece& piece = pieces[size_t(i)];
         const auto x = random_walk_regression(piece.training.factor, piece.training.regressors,
-                                              stiffness(piece.training, smoothing));
+                                              stiffness(piece.training, smoothing), piece.changes);
         for (size_t g = 0; g < x.size(); ++g) {
           const Matrix& factor = piece.held_out.factor[g];
           sums[size_t(i)].col(0) += residual_square(factor, x[g]).diagonal();
@@ -216,6 +239,7 @@ class CandidateErrors {
  private:
   struct Piece {
     GroupFactors training, held_out;
+    std::vector<Index> changes;
   };
 
   const std::vector<Piece>& factors(Index lags) {
@@ -230,8 +254,9 @@ class CandidateErrors {
     for (const Split& part : parts_) {
       const Vector scales = window_scales(part.training, lags, o.feedthrough);
       for (const auto& [begin, end] : stretches_)
-        pieces.push_back(
-            {group_factors(part.training, o, scales, begin, end), group_factors(part.held_out, o, scales, begin, end)});
+        pieces.push_back({group_factors(part.training, o, scales, begin, end),
+                          group_factors(part.held_out, o, scales, begin, end),
+                          changes_at(options_.jumps, lags, begin)});
     }
     return pieces;
   }

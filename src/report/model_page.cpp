@@ -283,10 +283,10 @@ class Report {
     if (found_.lags > 0) model.row("Lag order", fmt::format("p = {}", found_.lags));
     model.row("Initial states", to_string(model_.initial_state));
     if (const auto& feedthrough = model_.provenance.feedthrough) model.row("Feedthrough", in_words(*feedthrough));
-    const bool follows_jumps = model_.method == "em" && model_.period == 0;  // an update smooths them
-    if (const auto& choices = model_.provenance.choices; follows_jumps && choices && !choices->jumps.empty())
-      model.row("Jumps", fmt::format("the matrices jump at {} {}", choices->jumps.size() > 1 ? "the steps" : "step",
-                                     fmt::join(choices->jumps, ", ")));
+    if (const auto& choices = model_.provenance.choices; choices)
+      if (const std::vector<Index>& jumps = choices->variation.jumps; !jumps.empty())
+        model.row("Jumps", fmt::format("the matrices jump at {} {}", jumps.size() > 1 ? "the steps" : "step",
+                                       fmt::join(jumps, ", ")));
     model.row("Nominal trajectory", model_.y_nominal.rows() > 0 ? "removed before, added back after" : "none");
     for (const auto& [label, text] : io::provenance_words(model_.provenance)) model.row(label, text);
     if (const std::string& by = model_.provenance.version; !by.empty()) model.row("Made by", "tokid " + by);

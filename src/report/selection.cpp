@@ -94,14 +94,11 @@ std::string refinements(const RefinementChoice& choice) {
   if (choice.trials.empty()) return "";
   const auto is_chosen = [&](const RefinementTrial& t) {
     if (t.states != choice.states || t.iterations != choice.iterations) return false;
-    const bool same_jumps = std::equal(t.jumps.begin(), t.jumps.end(), choice.jumps.begin(), choice.jumps.end(),
-                                       [](Index step, const Jump& jump) { return step == jump.step; });
-    return t.iterations == 0 || (t.smoothing == choice.smoothing && same_jumps);
+    return t.iterations == 0 || t.smoothing == choice.smoothing;
   };
   Table table({{"States n"},
                {"λ of EM"},
                {"Iterations"},
-               {"Jumps"},
                {"Error"},
                {"Log-likelihood"},
                {"Choice", Table::Align::text}},
@@ -109,7 +106,7 @@ std::string refinements(const RefinementChoice& choice) {
   for (const RefinementTrial& t : choice.trials) {
     const bool chosen = is_chosen(t);
     table.row({fmt::format("{}", t.states), t.iterations == 0 ? "without EM" : strength(t.smoothing),
-               fmt::format("{}", t.iterations), t.jumps.empty() ? "none" : words::step_list(t.jumps), relative(t.error),
+               fmt::format("{}", t.iterations), relative(t.error),
                std::isfinite(t.log_likelihood) ? figure(t.log_likelihood, 6) : "–", choice_text(chosen)},
               choice_class(chosen));
   }

@@ -69,7 +69,7 @@ Identifier by_more_em(const Model& model, double share, Care care) {
   }
   o.initial_state = model.initial_state;
   o.feedthrough = has_feedthrough(model.provenance);
-  if (model.provenance.choices && model.period == 0) o.jumps = model.provenance.choices->jumps;
+  if (model.provenance.choices && model.period == 0) o.jumps = model.provenance.choices->variation.jumps;
   o.warm_up = false;
   return [start = std::move(start), o](const Ensemble& e) { return refine(start, e, o).model; };
 }

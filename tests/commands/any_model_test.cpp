@@ -472,11 +472,6 @@ void use(const Model& model, const Model& other, const Ensemble& data, const fs:
   works_or_refuses("closed_loop_spectrum", [&] { closed_loop_spectrum(model); });
   works_or_refuses("log_likelihoods", [&] { log_likelihoods(model, data); });
   works_or_refuses("with_constant_states", [&] { with_constant_states(model, data.steps()).check(); });
-  works_or_refuses("jump_gains", [&] {
-    RefineOptions options;
-    options.smoothing = 1.0;
-    jump_gains(model, data, options);
-  });
   works_or_refuses("example", [&] {
     experiments(model, {.experiments = 3});
     experiments(model, data);

@@ -35,26 +35,28 @@ def one_step_misfit(tokid, data, name):
 
 def test_a_jump_is_found(tokid, data, found):
     """Where it is, with significance, in text and JSON; and the model is better for it."""
-    (jump,) = found["refinement"]["jumps"]
-    assert jump["step"] == AT and jump["loss"] > 2
-    assert {tuple(trial["jumps"]) for trial in found["refinement"]["trials"]} >= {(), (AT,)}
+    jumps = found["refinement"]["jumps"]
+    assert AT in [jump["step"] for jump in jumps] and {jump["step"] for jump in jumps} <= {AT - 1, AT, AT + 1}
+    assert min(jump["loss"] for jump in jumps) > 2.5
     text = tokid("identify", data, "-o", data.with_name("again.npz")).stdout
-    assert f"Jumps          at step {AT} ({jump['loss']:.3g} standard errors), " in text
+    assert "Jumps          at step" in text and f"{jumps[0]['step']} ({jumps[0]['loss']:.3g} standard errors), " in text
     none = tokid.json("identify", data, "-o", data.with_name("none.npz"), "--jumps", "none")
     assert none["refinement"]["jumps"] == []
     assert one_step_misfit(tokid, data, "found.npz") < 0.95 * one_step_misfit(tokid, data, "none.npz")
 
 
+def test_regressions_use_jumps_too(tokid, data):
+    """Without EM, also with a λ that would smooth the jump."""
+    stiff = ["--no-refine", "--smoothing", 100]
+    found = tokid.json("identify", data, "-o", data.with_name("alone.npz"), *stiff)
+    assert AT in [jump["step"] for jump in found["refinement"]["jumps"]]
+    tokid("identify", data, "-o", data.with_name("smeared.npz"), *stiff, "--jumps", "none")
+    assert one_step_misfit(tokid, data, "alone.npz") < 0.95 * one_step_misfit(tokid, data, "smeared.npz")
+
+
 def tried(report):
-    """The trials of EM: number of states, λ, iterations, jumps."""
-    return [(t["states"], f"{t['smoothing']:.4g}", t["iterations"], *t["jumps"]) for t in report["refinement"]["trials"]]
-
-
-def test_orders_that_are_much_worse_are_given_up(found):
-    trials, best = found["refinement"]["trials"], found["refinement"]["states"]
-    chosen = min(t["error"] for t in trials if t["states"] == best)
-    worse = [t for t in trials if t["states"] != best and t["error"] > 2.5 * chosen]
-    assert worse and max(t["iterations"] for t in worse) < 168
+    """The trials of EM: number of states, λ, iterations."""
+    return [(t["states"], f"{t['smoothing']:.4g}", t["iterations"]) for t in report["refinement"]["trials"]]
 
 
 def test_a_stated_jump_is_used(tokid, data, found):
@@ -84,16 +86,13 @@ def long_record(folder, count, seed):
 def test_jumps_of_long_records_have_the_steps_of_the_record(tokid, tmp_path):
     found = tokid.json("identify", long_record(tmp_path, 12, 5), "-o", tmp_path / "m.npz", "--states", 2, "--lags", 6)
     assert 290 in [jump["step"] for jump in found["refinement"]["jumps"]]
-    assert len(set(tried(found))) == len(tried(found))
 
 
-def test_stated_jumps_are_used_or_told(tokid, tmp_path):
-    """Also outside the samples that decide. EM alone uses them, and with few experiments it may not help."""
+def test_stated_jumps_are_used(tokid, tmp_path):
+    """Also outside the samples that decide."""
     found = tokid.json("identify", long_record(tmp_path, 8, 4), "-o", tmp_path / "m.npz", "--states", 2, "--lags", 6,
                        "--jumps", "290,500")
-    used = [jump["step"] for jump in found["refinement"]["jumps"]]
-    told = any("the stated jumps at steps 290 and 500 are not used" in text for text in found["warnings"])
-    assert (used, told) in (([290, 500], False), ([], True)), found["warnings"]
+    assert [jump["step"] for jump in found["refinement"]["jumps"]] == [290, 500]
 
 
 def test_blocks_have_no_jumps(tokid, data, tmp_path):
@@ -121,8 +120,7 @@ def test_a_smooth_system_has_no_jumps(tokid, tmp_path):
     (["--jumps", "60"], "jumps: 60 found, steps from 1 to 59 needed"),
     (["--jumps", "30", "--time-invariant"], "jumps: steps found, but the steps of a period share a model"),
     (["--jumps", "30", "--smoothing", "infinity"], "jumps: steps found, but one model serves all steps"),
-    (["--jumps", "30", "--no-refine"], "jumps: steps found, which only EM uses"),
-    (["--jumps", "30", "--method", "tvera"], "jumps: steps found, which only EM uses"),
+    (["--jumps", "30", "--method", "tvera"], "jumps: steps found, but each step has its own matrices"),
 ])
 def test_wrong_jumps_are_refused(tokid, data, tmp_path, options, complaint):
     answer = tokid("identify", data, "-o", tmp_path / "model.npz", *options, status=2)

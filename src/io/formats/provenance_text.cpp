@@ -39,7 +39,7 @@ Json json_of(const NoisyChoices& choices) {
           {"refinement_smoothing", penalty(choices.refinement_smoothing)},
           {"refinement_first", choices.refinement_first},
           {"refinement_iterations", choices.refinement_iterations},
-          {"jumps", choices.jumps},
+          {"jumps", choices.variation.jumps},
           {"delays", choices.delays}};
 }
 
@@ -96,13 +96,12 @@ std::optional<NoisyChoices> choices_of(const Json& json) {
   if (!smoothing || !states || !em || !period || !iterations || !others.weighting) return std::nullopt;
   // Nor have they the λ with which EM begins.
   const double first = penalty(at("refinement_first")).value_or(NoisyChoices{}.refinement_first);
-  return NoisyChoices{{*smoothing, *period},
+  return NoisyChoices{{*smoothing, *period, others.jumps.value_or(std::vector<Index>{})},
                       *states,
                       *others.weighting,
                       *em,
                       first,
                       *iterations,
-                      others.jumps.value_or(std::vector<Index>{}),
                       others.delays.value_or(std::vector<Index>{})};
 }
 

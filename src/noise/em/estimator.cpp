@@ -278,26 +278,6 @@ void Estimator::regress(const linalg::MatrixList& process, const linalg::MatrixL
   }
 }
 
-Vector Estimator::jump_gains(const kalman::Moments& moments, const Parameters& p) const {
-  Vector gains = Vector::Zero(phases_);
-  const auto add = [&](const linalg::MatrixList& sums, const Noise& noise, Index l, const Matrix& reference,
-                       const Vector& weight) {
-    const Index q = reference.rows();
-    const Walks walks = walks_of(phase_roots(sums), noise, l, reference, weight);
-    for (const auto& [begin, end] : stretches())
-      for (Index i = 0; i < q; ++i) {
-        std::vector<Matrix> own;
-        for (Index g = begin; g < end; ++g)
-          own.push_back(linalg::beside(walks.rows[size_t(g)].leftCols(l), walks.rows[size_t(g)].col(l + i)));
-        gains.segment(begin, end - begin) += tokid::jump_gains(own, walks.stiffness.col(i)) / walks.noise(i);
-      }
-  };
-  add(moments.moved, p.process, n_ + r_, variation_.process_reference, variation_.process_weight);
-  add(moments.measured, p.measurement, options_.feedthrough ? n_ + r_ : n_, variation_.measurement_reference,
-      variation_.measurement_weight);
-  return gains;
-}
-
 void Estimator::update_noise(const linalg::MatrixList& roots, const Vector& counts,
                              const linalg::MatrixList& coefficients, const Vector& floor, double spent,
                              Noise& noise) const {

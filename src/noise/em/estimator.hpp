@@ -68,9 +68,6 @@ class Estimator {
   // The M-step: increases the expected log-likelihood minus the penalty to its maximum, first over the matrices, then
   // over each covariance with these matrices, and last over the scales with this covariance as shape.
   Parameters maximise(const kalman::Moments& moments, const Parameters& p) const;
-  // (phases) Twice the increase of the expected log-likelihood minus the penalty if [A B] and [C D] may jump between
-  // the phases g-1 and g; zero at phase 0 and at jumps.
-  Vector jump_gains(const kalman::Moments& moments, const Parameters& p) const;
   // Gives each segment of this many phases its own noise scale.
   void split_noise(Index phases, Parameters& p) const;
   bool noise_is_pooled() const { return pooled_; }

@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "choose/regression_errors.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "data/output_weights.hpp"
+
+namespace tokid {
+
+namespace {
+
+// Adds the errors of predictions that begin at step s, from the samples before it and the inputs from it on. A missing
+// sample before or at a step makes the prediction NaN, which does not count.
+class Predictions {
+ public:
+  Predictions(const Ensemble& e, const GtvArx& arx, const std::vector<Index>& horizons)
+      : e_(e), arx_(arx), horizons_(horizons) {}
+
+  void add(Index s, Index count, Squares& sum) {
+    const Index d = e_.channels(), r = e_.inputs(), m = e_.outputs(), p = arx_.step[size_t(s)].lags, from = s - p;
+    rows_ = e_.samples().middleCols(from * d, (s + count - from) * d);
+    for (Index h = 1, i = 0; h <= count; ++h) {
+      const Index k = s + h - 1, q = arx_.step[size_t(k)].lags;
+      predicted_.noalias() =
+          rows_.middleCols((k - q - from) * d, arx_.regressors(k)) * arx_.coefficients(k).transpose();
+      if (h == horizons_[size_t(i)]) sum.add(i++, predicted_, e_, k);
+      rows_.middleCols((k - from) * d + r, m) = predicted_;
+    }
+  }
+
+ private:
+  const Ensemble& e_;
+  const GtvArx& arx_;
+  const std::vector<Index>& horizons_;
+  Matrix rows_, predicted_;
+};
+
+}  // namespace
+
+RegressionErrors::RegressionErrors(const Ensemble& e, const SmoothingOptions& o, Index held_out,
+                                   std::vector<Index> horizons)
+    : options_(o),
+      from_(first_scored(o.initial_state, o.lags.back(), 0)),
+      horizons_(std::move(horizons)),
+      weights_(weights_of(o.output_weights, e.outputs())) {
+  const Index folds = fold_count(e.experiments());
+  for (Index f = 0; f < std::min(held_out, folds); ++f) parts_.push_back(fold(e, f, folds, o.centred));
+}
+
+RegressionErrors::Found RegressionErrors::found(Index lags, double smoothing, const std::vector<Index>& jumps) const {
+  const Index columns = Index(horizons_.size()) * weights_.size();
+  SmoothArxOptions o{lags, options_.initial_state, options_.feedthrough};
+  if (std::isinf(smoothing))
+    o.variation.period = 1;
+  else
+    o.variation = {smoothing, 0, jumps};
+  std::vector<Squares> of_folds(parts_.size());
+  parallel_for(0, Index(parts_.size()), {options_.execution.threads, {}}, [&](Index begin, Index end) {
+    for (Index f = begin; f < end; ++f) {
+      const Ensemble& held_out = parts_[size_t(f)].held_out;
+      const GtvArx arx = smooth_arx(parts_[size_t(f)].training, o);
+      Squares& own = of_folds[size_t(f)] = Squares(held_out.experiments(), columns);
+      Predictions predictions(held_out, arx, horizons_);
+      for (Index s = from_; s < held_out.steps(); ++s)
+        predictions.add(s, begins_far(s, held_out.steps(), horizons_) ? horizons_.back() : 1, own);
+    }
+  });
+  Squares all = joined(of_folds);
+  HeldOutError error = held_out_error(all, weights_);
+  return {lags, smoothing, std::move(all), std::move(error)};
+}
+
+}  // namespace tokid
