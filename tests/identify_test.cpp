@@ -127,6 +127,15 @@ TEST(Identify, ChoosesTheOrdersOfNoiseFreeData) {
   EXPECT_EQ(result.lag_order_errors.best, 2);
 }
 
+// The factors of the subspace realisation show 24 singular values unless more are needed.
+TEST(Identify, HasMoreStatesThanAreUsual) {
+  const Model system = random_system({26, 8, 2}, 14, 0.95, 3);
+  const Ensemble e = experiments(system, {.experiments = 80, .measurement_noise = 1e-5});
+  const Identification result = identify(e, {.states = 26, .lags = 4, .refine = false});
+  EXPECT_TRUE(result.plan.coupled);
+  EXPECT_EQ(result.model.states(), 26);
+}
+
 TEST(Identify, InitialStatesAreToldApartWithAndWithoutNoise) {
   for (const double noise : {0.0, 0.1})
     for (const InitialState truth : {InitialState::zero, InitialState::unknown})

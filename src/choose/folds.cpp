@@ -139,24 +139,34 @@ Folds::Folds(const Ensemble& ensemble, const Options& options) : options_(option
   folds_.resize(size_t(count));
   options_.execution.progress = {};
   parallel_for(0, count, options.execution, [&](Index begin, Index end) {
-    SubspaceOptions o;
-    o.variation = options.variation;
-    o.output_weights = options.output_weights;
     for (Index f = begin; f < end; ++f) {
       Fold& own = folds_[size_t(f)];
       own.data = fold(ensemble, f, count, options.centred);
       own.arx = smooth_arx(own.data.training, arx_options);
-      for (const Weighting weighting : options.weightings) {
-        o.weighting = weighting;
-        own.factors[weighting] = predictor_factors(own.data.training, own.arx, o);
-      }
     }
   });
+  factorise(0);
   double error = 0.0;
   for (const Fold& own : folds_)
     error += simulation_error(own.arx, own.data.held_out, std::max(own.arx.k_begin, first_),
                               weights_of(options.output_weights, own.arx.outputs));
   simulates_ = !(error > 0.0);
+}
+
+// `future`: as in SubspaceOptions
+void Folds::factorise(Index future) {
+  parallel_for(0, Index(folds_.size()), options_.execution, [&](Index begin, Index end) {
+    SubspaceOptions o;
+    o.variation = options_.variation;
+    o.output_weights = options_.output_weights;
+    o.future = future;
+    for (Index f = begin; f < end; ++f)
+      for (const Weighting weighting : options_.weightings) {
+        Fold& own = folds_[size_t(f)];
+        o.weighting = weighting;
+        own.factors[weighting] = predictor_factors(own.data.training, own.arx, o);
+      }
+  });
 }
 
 std::optional<std::vector<Errors>> Folds::errors_of_folds(size_t count, Index states,
@@ -241,7 +251,17 @@ OrderScores Folds::scores(Weighting weighting, double smoothing, Index least, In
   return result;
 }
 
-OrderScores Folds::choose_states(std::optional<Index> states, Index most, const Execution& execution) const {
+// If n reaches the number of singular values that the factors show, factors with all p block rows show more.
+OrderScores Folds::choose_states(std::optional<Index> states, Index most, const Execution& execution) {
+  const OrderScores found = choose_shown_states(states, most, execution);
+  const PredictorFactors& factors = folds_.front().factors.at(options_.weightings.front());
+  if (factors.future >= options_.lags || (found.best > 0 && found.best < factors.future * folds_.front().arx.outputs))
+    return found;
+  factorise(options_.lags);
+  return choose_shown_states(states, most, execution);
+}
+
+OrderScores Folds::choose_shown_states(std::optional<Index> states, Index most, const Execution& execution) const {
   SearchProgress work(execution);
   const double orders = states ? 1.0 : std::min(double(most), usual_orders),
                moves = options_.variation.period > 0 ? 0.0 : usual_moves * std::min(orders, 3.0);

@@ -87,7 +87,7 @@ class Folds {
   Folds(const Ensemble& ensemble, const Options& options);
 
   // Chooses n, the weighting and the λ of the regressions on states. `states`: n, if it is given.
-  OrderScores choose_states(std::optional<Index> states, Index most, const Execution& execution = {}) const;
+  OrderScores choose_states(std::optional<Index> states, Index most, const Execution& execution = {});
   // The models of the folds that validate EM, with these scores and without EM.
   std::vector<Model> models_of(const OrderScores& scores) const;
   // The errors of these models of the first folds, and those of the rival for the same experiments and steps.
@@ -108,6 +108,8 @@ class Folds {
     GtvArx arx;
     std::map<Weighting, PredictorFactors> factors;
   };
+  void factorise(Index future);
+  OrderScores choose_shown_states(std::optional<Index> states, Index most, const Execution& execution) const;
   // The steps share their matrices.
   bool pooled() const { return options_.variation.period > 0; }
   Model start(size_t f, Index states, Weighting weighting, double smoothing) const;

@@ -24,8 +24,8 @@ namespace tokid {
 
 namespace {
 
-// The number of singular values that the choice of the order may need.
-constexpr Index most_shown = 24;
+// The number of singular values that the choice of the order usually needs.
+constexpr Index usually_shown = 24;
 // With this many rows per column, the sample covariance of a step is used without those of its neighbours.
 constexpr double enough_rows = 5.0;
 
@@ -217,7 +217,9 @@ PredictorFactors predictor_factors(const Windows& windows, const GtvArx& arx, co
   PredictorFactors result;
   result.lags = steps.lags;
   result.k_begin = steps.begin;
-  const Index shown = o.weighting == Weighting::one_step ? ceil_div(most_shown, arx.outputs) : steps.lags;
+  const Index shown = o.weighting == Weighting::one_step && o.states <= usually_shown
+                          ? ceil_div(usually_shown, arx.outputs)
+                          : steps.lags;
   result.future = o.future > 0 ? o.future : std::min(steps.lags, shown);
   result.group.resize(size_t(steps.groups()));
   const std::vector<Matrix> weights = whiteners(arx, o);

@@ -271,6 +271,9 @@ class CandidateErrors {
   std::map<std::pair<Index, double>, double> errors_;
 };
 
+// A minimum elsewhere must be smaller by this factor.
+constexpr double clearly_better = 1.25;
+
 // Local minimum of f over the indices 0 … count-1, by descent from `start`.
 template <class Function>
 Index descend(Index start, Index count, Function&& f) {
@@ -318,6 +321,9 @@ SmoothingChoice choose_smoothing(const Ensemble& ensemble, const SmoothingOption
     const Index weight_before = weight, lag_before = lag;
     weight = descend(weight, Index(weights.size()), [&](Index w) { return error(lag, w); });
     lag = descend(lag, Index(options.lags.size()), [&](Index p) { return error(p, weight); });
+    // Almost without noise, the error may fall again by far at other p.
+    for (Index p = 0; p < Index(options.lags.size()); ++p)
+      if (error(p, weight) * clearly_better < error(lag, weight)) lag = p;
     moved = weight != weight_before || lag != lag_before;
   }
   SmoothingChoice choice{std::move(candidates.trials), options.lags[size_t(lag)], weights[size_t(weight)], 0.0};
