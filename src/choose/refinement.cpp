@@ -3,7 +3,6 @@
 #include <cmath>
 #include <deque>
 #include <limits>
-#include <map>
 #include <memory>
 #include <numeric>
 #include <utility>

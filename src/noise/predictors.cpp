@@ -16,6 +16,7 @@
 #include "data/pooled_windows.hpp"
 #include "model/kalman_step.hpp"
 #include "model/riccati.hpp"
+#include "noise/changes_at_jumps.hpp"
 #include "noise/moesp.hpp"
 #include "noise/rounding.hpp"
 #include "tokid/random_walk.hpp"
@@ -317,16 +318,6 @@ void examine(const ConstMatrixRef& regressors, Fitted& fitted) {
   fitted.condition = fitted.rank > 0 ? sigma(0) / sigma(fitted.rank - 1) : 0.0;
 }
 
-// The steps after `begin` at which the matrices change fast. The state predicts f outputs, so that its coordinates
-// change over the f steps to a jump.
-std::vector<Index> changes_before(const std::vector<Index>& jumps, Index future, Index begin) {
-  std::vector<Index> result;
-  for (const Index jump : jumps)
-    for (Index k = std::max(jump - future + 1, result.empty() ? begin + 1 : begin + result.back() + 1); k <= jump; ++k)
-      result.push_back(k - begin);
-  return result;
-}
-
 // Regressions of all groups. rows_of(k, window) gives [regressors right] of a step, or an empty matrix.
 template <class Rows>
 std::vector<Fitted> regress(const Steps& steps, const SubspaceOptions& o, Index future,
@@ -358,7 +349,8 @@ std::vector<Fitted> regress(const Steps& steps, const SubspaceOptions& o, Index 
     rms = (rms.array() > 0).select(rms, 1.0);  // columns of equal size, so that the rank does not depend on units
     std::vector<Matrix> rows(factor.begin() + std::ptrdiff_t(begin), factor.begin() + std::ptrdiff_t(end));
     for (Matrix& block : rows) block.leftCols(l) *= rms.cwiseInverse().asDiagonal();
-    const std::vector<Index> loose = changes_before(o.variation.jumps, future, Index(begin));
+    // The state predicts f outputs, so that its coordinates change over the f steps to a jump.
+    const std::vector<Index> loose = changes_at_jumps(o.variation.jumps, future - 1, 0, Index(begin));
     const std::vector<Matrix> x = random_walk_regression(rows, l, Vector::Constant(l, std::sqrt(smoothing)), loose);
     for (size_t g = begin; g < end; ++g) {
       const Matrix& block = rows[g - begin];

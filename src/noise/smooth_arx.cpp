@@ -16,6 +16,7 @@
 #include "data/output_weights.hpp"
 #include "data/pooled_windows.hpp"
 #include "data/rows.hpp"
+#include "noise/changes_at_jumps.hpp"
 #include "tokid/random_walk.hpp"
 
 namespace tokid {
@@ -91,15 +92,6 @@ Vector stiffness(const GroupFactors& w, double smoothing) {
   return Vector::Constant(w.regressors, std::isinf(smoothing) ? inf : std::sqrt(smoothing * w.mean_rows));
 }
 
-// The steps from `begin` on at which the coefficients change fast: p+1 after each jump.
-std::vector<Index> changes_at(const std::vector<Index>& jumps, Index lags, Index begin) {
-  std::vector<Index> result;
-  for (const Index jump : jumps)
-    for (Index k = std::max(jump, result.empty() ? Index{0} : result.back() + begin + 1); k <= jump + lags; ++k)
-      if (k > begin) result.push_back(k - begin);
-  return result;
-}
-
 // Residual sums of squares and products of the rows [R Z] with the solution X.
 Matrix residual_square(const Matrix& rows, const Matrix& x) {
   const Matrix e = rows.rightCols(x.cols()) - rows.leftCols(x.rows()) * x;
@@ -135,8 +127,9 @@ GtvArx smooth_arx(const Windows& e, const SmoothArxOptions& options) {
   const Index p = options.lags, m = e.outputs(), steps = e.steps();
   const Vector scales = window_scales(e, p, options.feedthrough);
   const GroupFactors w = group_factors(e, options, scales, 0, steps);
-  const std::vector<Matrix> x = random_walk_regression(
-      w.factor, w.regressors, stiffness(w, options.variation.smoothing), changes_at(options.variation.jumps, p, 0));
+  const std::vector<Matrix> x =
+      random_walk_regression(w.factor, w.regressors, stiffness(w, options.variation.smoothing),
+                             changes_at_jumps(options.variation.jumps, 0, p, 0));
   GtvArx arx;
   arx.feedthrough = options.feedthrough;
   arx.resize(steps, e.inputs(), m, p, false, 0, options.variation.period);
@@ -256,7 +249,7 @@ class CandidateErrors {
       for (const auto& [begin, end] : stretches_)
         pieces.push_back({group_factors(part.training, o, scales, begin, end),
                           group_factors(part.held_out, o, scales, begin, end),
-                          changes_at(options_.jumps, lags, begin)});
+                          changes_at_jumps(options_.jumps, 0, lags, begin)});
     }
     return pieces;
   }
