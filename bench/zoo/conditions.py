@@ -6,6 +6,7 @@ from zlib import crc32
 
 import numpy as np
 
+from draws import condition_drawn, drawn
 from plants import PLANTS
 
 
@@ -14,7 +15,7 @@ class Condition:
     """How the data of a plant are made."""
 
     experiments: int = 40  # N
-    noise: str = "low"  # low: about 2 % of the outputs; high: about 15 %
+    noise: str | float = "low"  # low: about 2 % of the outputs; high: about 15 %; or the share that measurement has
     coloured: bool = False  # measurement noise: white, or first-order autoregressive with pole 0.8
     loop: str = "natural"  # natural (delayed where the plant is unstable, else open), delayed, same-step
     initial: str = "zero"  # zero or unknown
@@ -22,7 +23,8 @@ class Condition:
 
     @property
     def name(self):
-        words = [f"N{self.experiments}", self.noise, "coloured" if self.coloured else "white"]
+        noise = self.noise if isinstance(self.noise, str) else f"{self.noise:.0e}"
+        words = [f"N{self.experiments}", noise, "coloured" if self.coloured else "white"]
         words += [value for value in (self.loop, self.units) if value != "natural"]
         return "-".join(words + (["unknown"] if self.initial == "unknown" else []))
 
@@ -60,6 +62,15 @@ def cells():
                 condition = replace(condition, loop="delayed")
             chosen[f"{plant}/{condition.name}"] = plant, condition
     return chosen
+
+
+def drawn_cells(begin, end):
+    """Those of the seeds begin ... end-1 of draws.py."""
+    found = {}
+    for seed in range(begin, end):
+        condition = Condition(**condition_drawn(seed, drawn(seed).closed))
+        found[f"draw-{seed}/{condition.name}"] = f"draw-{seed}", condition
+    return found
 
 
 def short_cells():

@@ -218,14 +218,17 @@ def control_ratio(model, truth, begin, end):
 
 
 @np.errstate(all="ignore")
-def evaluate(model, truth, seed, nominal=(0.0, 0.0)):
-    """All measures of a model on fresh experiments. nominal: inputs (T, r) and outputs (T, m) that it was freed of."""
+def predictions(model, truth, seed, nominal=(0.0, 0.0), settled=0):
+    """Errors of predictions on fresh experiments from the step `settled` on.
+
+    nominal: inputs (T, r) and outputs (T, m) that the model was freed of.
+    """
     best, steps = of_truth(truth.system), len(truth.system.A)
     u0, y0 = (np.zeros(part.shape[::2]) + value for part, value in zip((best.B, best.C[:, None, :, 0]), nominal))
     u, y, x = experiments(truth, FRESH, seed)
     exact, exact_states = filtered(best, u, y)
     errors, states = filtered(model, u - u0[:, None], y - y0[:, None])
-    begin, end, jump = model.first, min(model.end, steps), truth.plant.jump
+    begin, end, jump = max(settled, model.first), min(model.end, steps), truth.plant.jump
     branches = np.arange(begin, end - HORIZON, 5)
     far, far_exact = many_steps([(model, u0, y0, states[branches + 1]),
                                  (best, 0 * u0, 0 * y0, exact_states[branches + 1])],
@@ -237,8 +240,15 @@ def evaluate(model, truth, seed, nominal=(0.0, 0.0)):
 
     return {"begin": begin, "end": end, "one_step": one_step(errors, exact, best.S, np.arange(begin, end)),
             "one_step_start": near(0), "one_step_jump": None if jump is None else near(jump),
-            "ahead": ratio(far / size, far_exact / size), "pulse": pulse_error(model, truth, begin, end),
-            "control": control_ratio(model, truth, begin, end)}
+            "ahead": ratio(far / size, far_exact / size)}
+
+
+@np.errstate(all="ignore")
+def evaluate(model, truth, seed, nominal=(0.0, 0.0), settled=0):
+    """All measures of a model on fresh experiments."""
+    found, begin = predictions(model, truth, seed, nominal, settled), model.first
+    return {**found, "pulse": pulse_error(model, truth, begin, found["end"]),
+            "control": control_ratio(model, truth, begin, found["end"])}
 
 
 def learning_errors(truth, output, learn, runs=6, seed=11):

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Measures how well `tokid identify` does on plants whose truth is known.
 
-    bench/zoo/run.py --tool build/bin/tokid -o results.jsonl [--cells REGEX] [--reference] [--grid] [--short] [--jobs J]
+    bench/zoo/run.py --tool build/bin/tokid -o results.jsonl [--cells REGEX] [--draws BEGIN END] [--rivals]
+                     [--reference] [--grid] [--short] [--jobs J]
 
 Appends one JSON line for each cell and each set of options. Those that are in the file already are skipped, so a study
 that was stopped goes on. bench/zoo/table.py prints the tables.
@@ -24,8 +25,9 @@ os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")
 
 import numpy as np  # noqa: E402 - after the number of threads is set
 
-from conditions import cells, scales, short_cells  # noqa: E402
-from measures import evaluate, read_model, write_truth  # noqa: E402
+from conditions import cells, drawn_cells, scales, short_cells  # noqa: E402
+from measures import evaluate, predictions, read_model, write_truth  # noqa: E402
+from rivals import RIVALS, SETTLED, rival  # noqa: E402
 from table import read  # noqa: E402
 from truth import experiments, truth_of  # noqa: E402
 
@@ -67,10 +69,24 @@ def chosen_by(report):
             "warnings": [found["kind"] for found in report.get("findings", [])]}
 
 
+def measure_rival(line, cell, truth, condition):
+    """The line of one cell with a regression."""
+    u, y, _ = experiments(truth, condition.experiments, crc32(cell.encode()), nonlinear=True)
+    begin = time.process_time()
+    try:
+        model, nominal, options = rival(line["options"], u.transpose(1, 0, 2), y.transpose(1, 0, 2))
+    except np.linalg.LinAlgError as error:
+        return {**line, "error": str(error)}
+    line.update(options, seconds=round(time.process_time() - begin, 2))
+    return {**line, **predictions(model, truth, crc32(cell.encode()) + 1, nominal, SETTLED)}
+
+
 def measure(tool, cell, plant, condition, name, options, limit):
-    """The line of one cell with one set of options."""
+    """The line of one cell with one set of options, or with a rival."""
     line = {"cell": cell, "plant": plant, **asdict(condition), "options": name}
     truth = truth_of(plant, condition)
+    if name in RIVALS:
+        return measure_rival(line, cell, truth, condition)
     with tempfile.TemporaryDirectory() as folder:
         data, model = Path(folder, "data.npz"), Path(folder, "model.npz")
         factors = make_data(cell, condition, truth, data)
@@ -90,12 +106,15 @@ def measure(tool, cell, plant, condition, name, options, limit):
             return {**line, "error": done.stderr.strip().splitlines()[-1]}
         line.update(chosen_by(json.loads(done.stdout)))
         predictor, nominal = read_model(model, *factors)
-    return {**line, **evaluate(predictor, truth, crc32(cell.encode()) + 1, nominal)}
+    return {**line, **evaluate(predictor, truth, crc32(cell.encode()) + 1, nominal,
+                                settled=SETTLED if plant.startswith("draw-") else 0)}
 
 
-def tasks(chosen, with_reference, with_grid):
+def tasks(chosen, with_rivals, with_reference, with_grid):
     for cell, (plant, condition) in chosen.items():
         yield cell, plant, condition, "default", []
+        for name in RIVALS if with_rivals else ():
+            yield cell, plant, condition, name, []
         if with_reference or with_grid:
             yield cell, plant, condition, REFERENCE, []
         if with_grid:
@@ -108,6 +127,8 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--tool", required=True, help="path of tokid")
     parser.add_argument("--cells", default="", help="regular expression of the names of cells")
+    parser.add_argument("--draws", nargs=2, type=int, metavar=("BEGIN", "END"), help="cells drawn at random instead")
+    parser.add_argument("--rivals", action="store_true", help="simple regressions beside the default")
     parser.add_argument("--grid", action="store_true", help="stated options beside the default")
     parser.add_argument("--reference", action="store_true", help="maximum likelihood from the truth beside the default")
     parser.add_argument("--short", action="store_true", help="a few quick cells")
@@ -116,10 +137,10 @@ def main():
     parser.add_argument("-o", "--output", type=Path, default=Path("results.jsonl"))
     given = parser.parse_args()
 
-    chosen = short_cells() if given.short else cells()
+    chosen = drawn_cells(*given.draws) if given.draws else short_cells() if given.short else cells()
     chosen = {cell: found for cell, found in chosen.items() if re.search(given.cells, cell)}
     known = read(given.output) if given.output.exists() else {}
-    todo = [task for task in tasks(chosen, given.reference, given.grid)
+    todo = [task for task in tasks(chosen, given.rivals, given.reference, given.grid)
             if "error" in known.get((task[0], task[3]), {"error": "not run"})]
     with ProcessPoolExecutor(given.jobs) as pool, given.output.open("a") as file:
         for done in as_completed([pool.submit(measure, given.tool, *task, given.limit) for task in todo]):

@@ -4,7 +4,8 @@
     bench/zoo/table.py results.jsonl [older.jsonl]
 
 Regret: the error 20 steps ahead of the default over the least one that is known of the cell: that of the best options
-of the grid, or of maximum likelihood from the truth. Of an older file, the error 20 steps ahead stands beside the others.
+of the grid, of maximum likelihood from the truth, or of a rival. Of an older file, the error 20 steps ahead stands
+beside the others.
 """
 
 import json

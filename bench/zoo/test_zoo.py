@@ -11,10 +11,12 @@ import numpy as np
 import pytest
 
 import modal
-from conditions import Condition, cells, short_cells
+from conditions import Condition, cells, drawn_cells, short_cells
 from intervals import measure
 from measures import HORIZON, ahead, evaluate, filtered, first_state, of_truth, read_model
 from plants import PLANTS
+from rivals import of_arx
+from predictors import Arx
 from run import make_data
 from table import read
 from truth import experiments, plant_of, truth_of
@@ -41,6 +43,28 @@ def test_unknown_states_matter_and_the_loop_is_stable(name):
     u, y, _ = experiments(truth, 200, 5)
     assert np.abs(u).max() < 20 * truth.plant.u_std.max()
     assert np.all(np.sqrt((y**2).mean((0, 1))) < 6 * truth.y_rms)
+
+
+def test_draws_differ_and_their_loops_are_stable():
+    drawn = drawn_cells(0, 8)
+    sizes = set()
+    for plant, condition in drawn.values():
+        truth = truth_of(plant, condition)
+        sizes.add((truth.system.B.shape, truth.system.C.shape, condition.experiments, condition.noise))
+        u, y, _ = experiments(truth, 100, 5)
+        assert np.abs(u).max() < 20
+        assert np.all(np.sqrt((y**2).mean((0, 1))) < 6 * truth.y_rms)
+    assert len(sizes) == len(drawn) == 8
+
+
+@pytest.mark.parametrize("steps_of_own", [1, 30])
+def test_regressions_are_models_with_the_same_predictions(steps_of_own):
+    rng, steps, lags, r, m = np.random.default_rng(1), 30, 4, 2, 3
+    arx = Arx(*(0.2 * rng.normal(size=(steps_of_own, rows, m)) for rows in (r, lags * m, lags * r)))
+    u, y = (rng.normal(size=(5, steps, channels)) for channels in (r, m))
+    predicted, = arx.predict(u, y, [1])
+    errors, _ = filtered(of_arx(arx, steps), u.transpose(1, 0, 2), y.transpose(1, 0, 2))
+    assert np.allclose(errors[1:], (y - predicted).transpose(1, 0, 2)[1:], rtol=0, atol=1e-13 * np.abs(y).max() * lags)
 
 
 @pytest.mark.parametrize("name", ["cart_pole", "battery", "stage_separation"])

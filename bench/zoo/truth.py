@@ -11,6 +11,7 @@ from typing import Callable, Optional
 import numpy as np
 from scipy.linalg import block_diag
 
+from draws import drawn
 from plants import PLANTS
 
 POLE = 0.8  # of coloured measurement noise
@@ -185,7 +186,7 @@ def deviations(plant, coloured):
 
 @lru_cache(maxsize=None)
 def plant_of(name):
-    return PLANTS[name]()
+    return PLANTS[name]() if name in PLANTS else drawn(int(name.removeprefix("draw-")))
 
 
 @lru_cache(maxsize=None)
@@ -215,7 +216,7 @@ def truth_of(name, condition):
     loop = condition.loop_of(plant_of(name))
     plant, matrices, law, y_rms, w_std = calibrated(name, loop)
     (a, b, c, d), y_scale = matrices, output_scale(plant, matrices)
-    process, measurement = SHARES[condition.noise]
+    process, measurement = SHARES.get(condition.noise) or (2 / 3 * condition.noise, condition.noise)
     steps, n, m = len(a), a.shape[1], len(y_rms)
     q, r = np.diag((process * w_std) ** 2), np.diag((measurement * y_rms) ** 2)
     p0 = np.diag(plant.x_std**2) if condition.initial == "unknown" else np.zeros((n, n))
