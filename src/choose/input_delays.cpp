@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "base/statistics.hpp"
+#include "choose/folds.hpp"
 #include "data/channel_sizes.hpp"
 #include "tokid/smooth_arx.hpp"
 
@@ -112,45 +113,79 @@ class Products {
   std::vector<Matrix> products_;
 };
 
-// Is `a` smaller than `b`? Both are errors of the same folds.
-bool surely_smaller(const FoldErrors& a, const FoldErrors& b, double tries) {
+// How many standard errors `a` is smaller than `b`. Both are errors of the same folds.
+double advantage(const FoldErrors& a, const FoldErrors& b) {
   const double count = double(a.size());
   const FoldErrors gain = b - a;
-  const double error = std::sqrt((gain - gain.mean()).square().sum() / (count * (count - 1)));
-  return gain.mean() > error * statistics::student_quantile(1 - error_probability / tries, count - 1);
+  return gain.mean() / std::sqrt((gain - gain.mean()).square().sum() / (count * (count - 1)));
 }
 
-// Moves the lags of one input after the other to where the errors are the smallest.
-std::vector<Lags> best_lags(const Products& products, Index inputs, Index most_delay, const Execution& execution) {
-  std::vector<Lags> best(static_cast<size_t>(inputs));
-  FoldErrors least = products.errors(best);
+// Moves the lags of one input after the other to where the errors are the smallest. False: all stay.
+bool move_lags(const Products& products, Index most_delay, const Execution& execution, std::vector<Lags>& lags) {
+  FoldErrors least = products.errors(lags);
+  const double tries = double(Index(lags.size()) * most_delay);
+  const double sure = statistics::student_quantile(1 - error_probability / tries, double(least.size() - 1));
+  bool any = false;
   for (bool moved = true; moved;) {
     moved = false;
-    for (size_t i = 0; i < best.size(); ++i) {
+    for (size_t i = 0; i < lags.size(); ++i) {
       std::vector<FoldErrors> found(size_t(most_delay + 1));
       parallel_for(0, most_delay + 1, {execution.threads, {}}, [&](Index begin, Index end) {
         for (Index delay = begin; delay < end; ++delay) {
-          std::vector<Lags> lags = best;
-          lags[i] = {delay, delay + few_lags};
-          found[size_t(delay)] = products.errors(lags);
+          std::vector<Lags> tried = lags;
+          tried[i] = {delay, delay + few_lags};
+          found[size_t(delay)] = products.errors(tried);
         }
       });
       const auto smallest = std::min_element(found.begin(), found.end(),
                                              [](const auto& a, const auto& b) { return a.mean() < b.mean(); });
-      if (!surely_smaller(*smallest, least, double(inputs * most_delay))) continue;
+      if (!(advantage(*smallest, least) > sure)) continue;
       const Index delay = smallest - found.begin();
-      best[i] = {delay, delay + few_lags};
+      lags[i] = {delay, delay + few_lags};
       least = *smallest;
-      moved = inputs > 1;
+      moved = lags.size() > 1;
+      any = true;
     }
   }
-  // Do the lags in front say nothing? Of regressions that say the same, the one with fewer unknowns predicts better.
-  for (size_t i = 0; i < best.size(); ++i) {
-    std::vector<Lags> all = best;
-    all[i].first = 0;
-    if (best[i].first > 0 && !(least.mean() < products.errors(all).mean())) best[i] = {};
+  return any;
+}
+
+// Lags that begin too early say as much as those that begin with the first response. Leaves out the first lag of an
+// input as long as the errors fall.
+void leave_needless_lags(const Products& products, std::vector<Lags>& lags) {
+  double least = products.errors(lags).mean();
+  for (bool moved = true; moved;) {
+    moved = false;
+    for (Lags& input : lags) {
+      if (input.first == 0 || input.first == input.last) continue;
+      ++input.first;
+      const double found = products.errors(lags).mean();
+      const bool needless = found < least;
+      if (needless)
+        least = found;
+      else
+        --input.first;
+      moved = moved || needless;
+    }
   }
-  return best;
+}
+
+// Once an input has its lags, those of another one show more.
+std::vector<Lags> best_lags(const Products& products, Index inputs, Index most_delay, const Execution& execution) {
+  std::vector<Lags> best(static_cast<size_t>(inputs));
+  while (move_lags(products, most_delay, execution, best)) leave_needless_lags(products, best);
+  // Do the lags in front say nothing? One standard error is chance, and a gain that is not worth it is unknowns that
+  // make up for what no regression of a stretch can describe.
+  const FoldErrors errors = products.errors(best);
+  std::vector<Lags> result = best;
+  for (size_t i = 0; i < best.size(); ++i) {
+    if (best[i].first == 0) continue;
+    std::vector<Lags> tried = best;
+    tried[i].first = 0;
+    const FoldErrors all = products.errors(tried);
+    if (advantage(all, errors) > 1.0 && errors.mean() - all.mean() > std::log(worth_it)) result[i] = {};
+  }
+  return result;
 }
 
 }  // namespace
