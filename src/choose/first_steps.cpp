@@ -8,6 +8,7 @@
 #include "linalg/symmetric.hpp"
 #include "tokid/em.hpp"
 #include "tokid/linalg.hpp"
+#include "tokid/observer.hpp"
 
 namespace tokid {
 
@@ -51,14 +52,41 @@ void set_noise_of_gains(Model& model, const Usual& usual) {
                  shown = step.C() * pc;
     Matrix r = s - shown;
     linalg::symmetrise(r);
+    step.set_K(k);
     const Vector r_floor = s.diagonal().cwiseMax(least_noise * usual.outputs);
     step.set_R(linalg::bounded_below(r, least_noise * r_floor));
     const Matrix p = pc * linalg::pseudo_inverse((shown + shown.transpose()) / 2) * pc.transpose();
-    Matrix q = p - step.A() * (p - k * s * k.transpose()) * step.A().transpose();
+    const Matrix shaken = step.G() * s * step.G().transpose();
+    // Where the state dimension changes, there is no steady state.
+    Matrix q = step.A().rows() == step.A().cols()
+                   ? Matrix(p - step.A() * (p - k * s * k.transpose()) * step.A().transpose())
+                   : shaken;
     linalg::symmetrise(q);
-    const Vector q_floor = (step.G() * s * step.G().transpose()).diagonal().cwiseMax(least_noise * usual.state);
+    const Vector q_floor = shaken.diagonal().cwiseMax(least_noise * usual.state);
     step.set_Q(linalg::bounded_below(q, least_noise * q_floor));
   }
+}
+
+bool all_outputs_measured(const Ensemble& e) {
+  for (Index j = 0; j < e.outputs(); ++j) {
+    Index k = 0;
+    while (k < e.steps() && e.output(k).col(j).array().isNaN().all()) ++k;
+    if (k == e.steps()) return false;
+  }
+  return true;
+}
+
+// EM of the noise and of the distribution of x_0, with the matrices of `start`.
+Model with_noise(const Model& start, const Ensemble& departures, InitialState initial, int threads) {
+  RefineOptions o;
+  o.smoothing = start.period == 1 ? 0.0 : 1.0;  // one covariance for all steps
+  o.initial_state = initial;
+  o.estimate_matrices = false;
+  o.iterations = start.period > 0 ? shared_iterations : iterations;
+  if (start.period > 0) o.tolerance = shared_tolerance;
+  o.warm_up = false;
+  o.execution.threads = threads;
+  return refine(start, departures, o).model;
 }
 
 }  // namespace
@@ -71,23 +99,30 @@ Model with_first_steps(const Model& late, const Ensemble& departures, InitialSta
     part = with_first_steps(part, stretch(departures, 0, steps), initial, threads);
     return part.k_begin < late.k_begin || part.x0_mean.size() > 0 ? continued(std::move(part), late.k_end()) : late;
   }
-  Model start = with_constant_states(late, departures.steps());
-  Usual usual = usual_noise(start);
+  const Index rows = std::max(late.max_lags(), (late.states() + late.outputs - 1) / late.outputs),
+              begin = late.full_begin();
+  const Ensemble first = stretch(departures, 0, std::min(departures.steps(), 2 * begin + rows));
+  // Shared matrices do not err in the first steps. The other conditions leave the distribution of x_0, the noise of an
+  // output or the last steps unknown.
+  const bool whole = late.period > 0 || departures.experiments() <= late.states() || !all_outputs_measured(first) ||
+                     late.k_end() < departures.steps();
+  const Model later = whole || late.frame != "raw" ? late : smooth_frame(late, rows);
+  Model start = with_constant_states(later, whole ? departures.steps() : first.steps());
+  Usual usual = usual_noise(whole ? start : later);
   if (usual.outputs.maxCoeff() <= 0 || usual.state <= 0) return late;
   usual.outputs = usual.outputs.cwiseMax(of_exact * usual.outputs.maxCoeff());
   set_noise_of_gains(start, usual);
-  RefineOptions o;
-  o.smoothing = late.period == 1 ? 0.0 : 1.0;  // one covariance for all steps
-  o.initial_state = initial;
-  o.estimate_matrices = false;
-  o.iterations = late.period > 0 ? shared_iterations : iterations;
-  if (late.period > 0) o.tolerance = shared_tolerance;
-  o.warm_up = false;
-  o.execution.threads = threads;
   try {
-    Model model = refine(start, departures, o).model;
+    Model model = with_noise(start, whole ? departures : first, initial, threads);
     model.method = late.method;
-    return model;
+    if (whole) return model;
+    // The later steps have their own noise: where the plant varies, the copied matrices of the first steps err by far
+    // more.
+    Model rest = later;
+    set_noise_of_gains(rest, usual);
+    model.step.resize(size_t(begin));
+    model.step.insert(model.step.end(), rest.step.begin() + rest.index(begin), rest.step.end());
+    return kalman_observer(std::move(model));
   } catch (const std::runtime_error&) {
     return late;
   }

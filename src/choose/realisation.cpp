@@ -176,7 +176,8 @@ void refine_if_better(const Ensemble& data, const GtvArx& arx, const RefinementC
   const Plan plain = result.plan;
   const Index period = plain.choices.variation.period;
   const double allowed = std::log(tolerated);
-  const Computed start = computed_by(result.model, data, plain.initial_state, 0);
+  const Computed start =
+      computed_by(result.model, data, plain.initial_state, first_scored(plain.initial_state, plain.lags, period));
   const Errors before = errors_of(start, data, plain.output_weights);
   result.refinement = choice;
 

@@ -196,9 +196,7 @@ class Folds::RefinementSearch {
       like_[f] = computed_by(without_em_[f], data.held_out, folds_.options_.initial_state, 0);
       least_variance_[f] = least_variance(like_[f], data.held_out);
     });
-    const Errors without = errors(without_em_);
-    one_step_without_em_ = without.one_step;
-    choice_.error = without.mean();
+    choice_.error = errors(without_em_, 0).mean();
     choice_.trials.push_back({.states = states, .error = choice_.error});
   }
 
@@ -248,21 +246,24 @@ class Folds::RefinementSearch {
   const std::vector<RefinementTrial>& trials() const { return choice_.trials; }
 
   // EM is used if it predicts clearly better than the subspace models, and not clearly worse by one step: EM that has
-  // spoiled its start needs more iterations. If the best attempt is not used, the attempt with the smallest errors may
-  // be.
+  // spoiled its start needs more iterations. From unknown initial states it may also be better in the first steps
+  // alone. If the best attempt is not used, the attempt with the smallest errors may be.
   RefinementOfFolds choice() && {
     choice_.ahead = choice_.ahead_without_em = certainty(without_em_);
     if (empty()) return {std::move(choice_), std::move(without_em_)};
     choice_.smoothing = smoothing();
-    const double limit = choice_.error - std::log(worth_it);
+    const Errors before = errors(without_em_, folds_.first_);
     for (const Attempt* attempt : {chosen(), least_error()}) {
-      if (attempt->error() > limit || attempt->errors.one_step > one_step_without_em_ + std::log(most_uncertain))
+      const Errors after = errors(attempt->models, folds_.first_);
+      const double gain = before.mean() - after.mean(), from_start = choice_.error - attempt->error();
+      if (after.one_step > before.one_step + std::log(most_uncertain) || gain < -std::log(most_uncertain) ||
+          std::max(gain, from_start) < std::log(worth_it))
         continue;
       choice_.smoothing = attempt->smoothing;
       choice_.first_smoothing = first_;
       choice_.iterations = attempt->iterations;
       for (const Index step : jumps_) choice_.jumps.push_back({step});
-      choice_.one_step = attempt->errors.one_step;
+      choice_.one_step = after.one_step;
       choice_.error = attempt->error();
       choice_.ahead = certainty(attempt->models);
       return {std::move(choice_), attempt->models};
@@ -529,7 +530,7 @@ class Folds::RefinementSearch {
     });
     const bool all = std::all_of(found.begin(), found.end(), [](const Vector& fold) { return fold.size() > 0; });
     start.likelihood = all ? Likelihood(found) : Likelihood();
-    start.errors = errors(start.models);
+    start.errors = errors(start.models, 0);
     start.iterations += stage.iterations;
     choice_.trials.push_back(
         {choice_.states, start.smoothing, start.iterations, start.error(), start.likelihood.mean()});
@@ -576,9 +577,10 @@ class Folds::RefinementSearch {
     }
   }
 
-  Errors errors(const std::vector<Model>& models) const {
+  // From step `first` on. Before, the observers have not settled.
+  Errors errors(const std::vector<Model>& models, Index first) const {
     const auto found = folds_.errors_of_folds(
-        count_, choice_.states, [&](size_t f) { return models[f]; }, 0, folds_.options_.execution, like_);
+        count_, choice_.states, [&](size_t f) { return models[f]; }, first, folds_.options_.execution, like_);
     constexpr double none = std::numeric_limits<double>::infinity();
     return found ? mean_of(*found) : Errors{none, none, none};
   }
@@ -591,7 +593,6 @@ class Folds::RefinementSearch {
   size_t count_;
   std::vector<Model> starts_;                     // subspace models
   std::vector<Model> without_em_;                 // the same, which predict from step 0 on
-  double one_step_without_em_ = 0.0;              // error
   std::vector<std::optional<em::Data>> samples_;  // of the training data of each fold
   std::vector<Computed> like_;
   std::vector<Vector> least_variance_;  // as in least_variance, of each fold
