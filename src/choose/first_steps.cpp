@@ -99,8 +99,7 @@ Model with_first_steps(const Model& late, const Ensemble& departures, InitialSta
     part = with_first_steps(part, stretch(departures, 0, steps), initial, threads);
     return part.k_begin < late.k_begin || part.x0_mean.size() > 0 ? continued(std::move(part), late.k_end()) : late;
   }
-  const Index rows = std::max(late.max_lags(), (late.states() + late.outputs - 1) / late.outputs),
-              begin = late.full_begin();
+  const Index rows = estimation_window(late), begin = late.full_begin();
   const Ensemble first = stretch(departures, 0, std::min(departures.steps(), 2 * begin + rows));
   // Shared matrices do not err in the first steps. The other conditions leave the distribution of x_0, the noise of an
   // output or the last steps unknown.
