@@ -714,6 +714,19 @@ TEST(Verdict, DoesNotPassWhatItCannotTest) {
   }
 }
 
+TEST(Verdict, TakesTheLargestErrorOfOneLongRecordForChance) {
+  Model model = constant_system({2, 1, 1}, 4000, 0.5, 3);
+  model.period = 1;
+  for (Step& step : model.step) step.G().setZero();
+  const Ensemble rest = random_experiments(model, 1, 4);
+  for (const unsigned seed : {11, 12, 13}) {
+    Ensemble data = with_noise(rest, 0.1, seed);
+    EXPECT_EQ(check_of(verdict(model, data), "error_peaks").result, Trust::good);
+    data.output(2000).array() += 2.0;
+    EXPECT_EQ(check_of(verdict(model, data), "error_peaks").result, Trust::look_closer);
+  }
+}
+
 TEST(Verdict, TestsTheInputsOfPeriodicModelsOverTime) {
   Model model = constant_system({3, 2, 2}, 40, 0.8, 6);
   model.period = 1;

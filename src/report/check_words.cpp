@@ -153,11 +153,11 @@ class Words {
         return {"Effect of the inputs on the predictions, relative to the prediction error", figure(value(), 3),
                 fmt::format("{:.1f} or more", bound())};
       case CheckKind::error_peaks:
-        return {
-            "Largest one-step error of a step, relative to its limit", at_step(),
-            fmt::format("{:.0f} or less; the limit is the largest of {:.0f} times the median, {:.0f} % of the spread "
-                        "of the outputs and {:.0f} times what the model states",
-                        bound(), bounds::error_peak, 100 * bounds::error_floor, bounds::error_stated)};
+        return {"Largest one-step error of a step, relative to its limit", at_step(),
+                fmt::format(
+                    "{:.0f} or less; the limit is the largest of {:.0f} times the median, the largest value by chance, "
+                    "{:.0f} % of the spread of the outputs and {:.0f} times what the model states",
+                    bound(), bounds::error_peak, 100 * bounds::error_floor, bounds::error_stated)};
       case CheckKind::beyond_noise:
         return {"Largest one-step error of a step, relative to that of the identification", at_step(),
                 fmt::format("{:.0f} or less", bound())};

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 #include "base/nan.hpp"
 #include "base/rounding.hpp"
@@ -171,11 +172,21 @@ double stated_error(const Model& model, const Vector& spread, Index k) {
   return std::sqrt((variance.array() / spread.array().square()).mean());
 }
 
+// The RMS of so many normally distributed errors, relative to the median RMS, that the largest of all steps exceeds by
+// chance in few data sets.
+double largest_by_chance(Index errors, Index steps) {
+  constexpr double many = 1e9;  // degrees of freedom: F is then χ² divided by its own
+  const double freedom = double(std::max<Index>(1, errors));
+  return std::sqrt(statistics::f_quantile(1 - bounds::chance / double(steps), freedom, many) /
+                   statistics::f_quantile(0.5, freedom, many));
+}
+
 // Finds the steps from `first_step` on with unusually large errors, which a mean over all samples hides, and the steps
 // without a comparison.
 void assess_errors(const Model& model, const Ensemble& data, const Vector& spread, Index first_step, Evidence& found) {
   const double usual = finite_median(found.step_error);
   const Index freedom = found.samples - found.unknowns;
+  std::map<Index, double> multiple;  // of the usual error that is unusual, for each number of errors
   found.step_excess.assign(size_t(data.steps()), nan);
   found.noise_excess = found.step_excess;
   // A step of a periodic model is tested where any step of its phase is tested.
@@ -192,8 +203,11 @@ void assess_errors(const Model& model, const Ensemble& data, const Vector& sprea
     }
     // With unknown initial states, errors are larger at the first steps. The covariance that the model states may
     // contain this.
-    found.step_excess[size_t(k)] = error / std::max({bounds::error_floor, bounds::error_peak * usual,
-                                                     bounds::error_stated * stated_error(model, spread, k)});
+    const Index errors = found.prediction.innovations[size_t(k)].array().isFinite().count();
+    double& unusual = multiple.try_emplace(errors, 0.0).first->second;
+    if (unusual == 0.0) unusual = std::max(bounds::error_peak, largest_by_chance(errors, data.steps()));
+    found.step_excess[size_t(k)] =
+        error / std::max({bounds::error_floor, unusual * usual, bounds::error_stated * stated_error(model, spread, k)});
     if (found.step_excess[size_t(k)] > 1) found.error_peaks.push_back(k);
     // With few degrees of freedom, the covariances are too uncertain.
     if (!model.has(&Step::has_innovation_cov) || freedom < 10) continue;
