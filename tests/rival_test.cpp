@@ -6,6 +6,7 @@
 
 #include <Eigen/Eigenvalues>
 #include <cmath>
+#include <limits>
 
 #include "base/random.hpp"
 #include "choose/held_out_error.hpp"
@@ -90,9 +91,26 @@ Ensemble late(Index experiments, std::uint64_t seed, double noise) {
 TEST(Rivals, SeeInputsBeyondTheLagsOfTheChoice) {
   SmoothingOptions o;
   o.lags = {1, 2, 4, 8, 12, 16, 24};
-  const std::optional<Rival> rival = rival_of(late(24, 3, 0.1), o, 2, 100.0, 12, 3);
+  const RegressionErrors errors(late(24, 3, 0.1), o, 3);
+  std::vector<Squares> blind;
+  for (const Index f : {0, 1, 2}) blind.push_back(errors.squares(f, 2, 100.0));
+  const std::optional<Rival> rival = better_rival({o, 2, 100.0, 12}, errors, blind);
   ASSERT_TRUE(rival);
   EXPECT_GE(rival->lags, 16);
+}
+
+TEST(Rivals, NeedToPredictClearlyBetter) {
+  SmoothingOptions o;
+  o.lags = {1, 2, 4, 8};
+  const RegressionErrors errors(late(24, 3, 0.1), o, 3);
+  std::vector<Squares> as_good, hopeless;
+  for (const Index f : {0, 1, 2}) {
+    as_good.push_back(errors.squares(f, 8, std::numeric_limits<double>::infinity()));
+    hopeless.push_back(as_good.back());
+    hopeless.back().errors *= 1e-4;
+  }
+  EXPECT_FALSE(better_rival({o, 2, 100.0, 4}, errors, as_good));
+  EXPECT_FALSE(better_rival({o, 2, 100.0, 4}, errors, hopeless));
 }
 
 TEST(Rivals, TakeOverWhereTheyPredictBetter) {

@@ -208,24 +208,24 @@ std::vector<Model> Folds::models_of(const OrderScores& scores) const {
   return models;
 }
 
-std::pair<HeldOutError, HeldOutError> Folds::compared(const std::vector<Model>& models, const Rival& rival) const {
-  std::vector<Squares> of_models(models.size());
+std::vector<Squares> Folds::squares(const std::vector<Model>& models, const Ahead& ahead) const {
+  std::vector<Squares> result(models.size());
   parallel_for(0, Index(models.size()), {options_.execution.threads, {}}, [&](Index begin, Index end) {
     for (Index f = begin; f < end; ++f) {
       const Ensemble& held_out = folds_[size_t(f)].data.held_out;
-      Squares& own = of_models[size_t(f)] = Squares(held_out.experiments(), rival.squares.errors.cols());
+      Squares& own = result[size_t(f)] =
+          Squares(held_out.experiments(), Index(ahead.horizons.size()) * held_out.outputs());
       const Model model = of_departures(models[size_t(f)], held_out);
-      for (size_t i = 0; i < rival.horizons.size(); ++i) {
-        const Index h = rival.horizons[i];
+      for (size_t i = 0; i < ahead.horizons.size(); ++i) {
+        const Index h = ahead.horizons[i];
         const Ensemble y = predict(model, held_out, {h, options_.initial_state}).y;
-        for (Index s = rival.from; s + h <= held_out.steps(); ++s)
-          if (i == 0 || begins_far(s, held_out.steps(), rival.horizons))
+        for (Index s = ahead.from; s + h <= held_out.steps(); ++s)
+          if (i == 0 || ahead.all_begin(s, held_out.steps()))
             own.add(Index(i), y.output(s + h - 1), held_out, s + h - 1);
       }
     }
   });
-  const Vector weights = weights_of(options_.output_weights, folds_.front().data.training.outputs());
-  return {held_out_error(joined(of_models), weights), held_out_error(rival.squares, weights)};
+  return result;
 }
 
 // Tries increasing orders. Stops when `patience` orders after the best order had no smaller error.

@@ -10,7 +10,6 @@
 
 #include "base/search_progress.hpp"
 #include "choose/held_out_error.hpp"
-#include "choose/rival.hpp"
 #include "tokid/choices.hpp"
 #include "tokid/em.hpp"
 #include "tokid/subspace.hpp"
@@ -90,8 +89,8 @@ class Folds {
   OrderScores choose_states(std::optional<Index> states, Index most, const Execution& execution = {});
   // The models of the folds that validate EM, with these scores and without EM.
   std::vector<Model> models_of(const OrderScores& scores) const;
-  // The errors of these models of the first folds, and those of the rival for the same experiments and steps.
-  std::pair<HeldOutError, HeldOutError> compared(const std::vector<Model>& models, const Rival& rival) const;
+  // Of the predictions by these models of the first folds, of the experiments that each fold holds out.
+  std::vector<Squares> squares(const std::vector<Model>& models, const Ahead& ahead) const;
   // Chooses n, the λ of EM and its iterations by the likelihood and the errors of held-out experiments. EM starts from
   // subspace models with the weighting of the scores. It begins with `states`. Then it tries more states, which must
   // raise the likelihood significantly, or fewer, which must not reduce it significantly.

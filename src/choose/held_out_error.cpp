@@ -31,17 +31,6 @@ Index first_scored(InitialState initial, Index lags, Index period) {
   return initial == InitialState::zero ? 0 : period > 0 ? lags : 2 * lags;
 }
 
-std::vector<Index> horizons_within(Index steps) {
-  std::vector<Index> result;
-  for (const Index h : {1, 5, 20})
-    if (result.empty() || 2 * h <= steps) result.push_back(h);
-  return result;
-}
-
-bool begins_far(Index step, Index steps, const std::vector<Index>& horizons) {
-  return step % 2 == 0 && step + horizons.back() <= steps;
-}
-
 HeldOutError held_out_error(const Squares& s, const Vector& weights) {
   const Index m = weights.size(), horizons = s.errors.cols() / std::max<Index>(1, m);
   HeldOutError result{0.0, Vector::Zero(s.errors.rows())};

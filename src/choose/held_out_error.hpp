@@ -31,11 +31,14 @@ Squares joined(const std::vector<Squares>& folds);
 // this step on is used to estimate an initial state.
 Index first_scored(InitialState initial, Index lags, Index period);
 
-// The horizons 1, 5 and 20 that a record of so many steps permits.
-std::vector<Index> horizons_within(Index steps);
+// The predictions whose errors count.
+struct Ahead {
+  Index from = 0;               // first step that is predicted
+  std::vector<Index> horizons;  // ascending, the first is 1
 
-// Do predictions of all horizons begin at this step of so many? One step ahead, they begin at every step.
-bool begins_far(Index step, Index steps, const std::vector<Index>& horizons);
+  // Do predictions of all horizons begin at this step of so many? One step ahead, they begin at every step.
+  bool all_begin(Index step, Index steps) const { return step % 2 == 0 && step + horizons.back() <= steps; }
+};
 
 // An error of predictions of held-out experiments: the logarithm of error divided by departure, averaged over horizons
 // and outputs. Several steps ahead it is at most 0, the error of predicting the mean motion.

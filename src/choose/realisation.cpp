@@ -246,13 +246,7 @@ struct ChosenByFolds {
   OrderScores scores;
   Model start;                                  // of all data, without EM
   std::optional<RefinementOfFolds> refinement;  // if EM was tried
-  HeldOutError error, of_rival;                 // of the models of the folds, and of the rival; empty without a rival
-
-  bool beaten() const {
-    // A regression and EM often predict alike, and a second search takes much time.
-    constexpr double significant = 2.0;
-    return of_rival.influence.size() > 0 && clearly_smaller(of_rival, error, significant);
-  }
+  std::vector<Squares> squares;                 // of the models of the folds, if these errors are asked for
 };
 
 TimeVariation of_selection(TimeVariation variation, const Selection& selection) {
@@ -280,8 +274,8 @@ double iteration_with_all(const Ensemble& data, const Ensemble& selection) {
 }
 
 ChosenByFolds chosen_by_folds(const Ensemble& data, const Selection& selected, const Plan& decided, const GtvArx& arx,
-                              const std::optional<Rival>& rival, const IdentifyOptions& options,
-                              const BeforeEm& before_em, SearchProgress& work) {
+                              const Ahead* ahead, const IdentifyOptions& options, const BeforeEm& before_em,
+                              SearchProgress& work) {
   ChosenByFolds result;
   Plan& plan = result.plan = decided;
   const Course course = course_of(options);
@@ -301,13 +295,10 @@ ChosenByFolds chosen_by_folds(const Ensemble& data, const Selection& selected, c
   plan.choices.state_smoothing = scores.smoothing;
   plan.choices.weighting = scores.weighting;
   if (!options.states) plan.states = scores.best;
-  const auto compare = [&](const std::vector<Model>& models) {
-    if (rival && scores.best > 0) std::tie(result.error, result.of_rival) = folds.compared(models, *rival);
-  };
   result.start = realise(data, arx, {}, plan, in_stage(options.execution, WorkStage::realisation, course));
   const Index n = result.start.states();
   if (!tries_em(data, selected, plan, options) || n == 0 || n < plan.states) {
-    if (rival) compare(folds.models_of(scores));
+    if (ahead && scores.best > 0) result.squares = folds.squares(folds.models_of(scores), *ahead);
     return result;
   }
   result.start = with_first_steps(result.start, data, plan.initial_state, options.execution.threads);
@@ -318,7 +309,7 @@ ChosenByFolds chosen_by_folds(const Ensemble& data, const Selection& selected, c
   work.tell_time_after(timed_iterations, part_afterwards * seconds_since(begin));
   result.refinement =
       folds.choose_refinement(plan.states, orders, scores, stated, work, iteration_with_all(data, selection));
-  compare(result.refinement->models);
+  if (ahead) result.squares = folds.squares(result.refinement->models, *ahead);
   return result;
 }
 
@@ -350,20 +341,26 @@ void realise_by_folds(const Ensemble& data, const Selection& selected, const Gtv
                                .numbers = {{"share", share}, {"horizon", double(OrderScores::horizon)}}});
 }
 
-// Subspace realisation and EM. If the rival predicts clearly better, also with its p and λ; the better one of both
-// models is used.
+// Subspace realisation and EM. If another regression predicts clearly better, also with its p and λ; the better one of
+// both models is used.
 void realise_by_folds(const Ensemble& data, const Selection& selected, Regressed& regression,
                       const IdentifyOptions& options, const BeforeEm& before_em, Realised& result) {
   const StageShares shares = shares_of(WorkStage::em, course_of(options));
   SearchProgress work(options.execution, shares.from, shares.to);
-  ChosenByFolds chosen =
-      chosen_by_folds(data, selected, result.plan, regression.arx, regression.rival, options, before_em, work);
-  if (chosen.beaten()) {
+  const std::optional<Rivals>& rivals = regression.rivals;
+  std::optional<RegressionErrors> errors;
+  if (rivals) errors.emplace(*selected.samples, rivals->options, Folds::most_refined);
+  const Ahead* ahead = errors ? &errors->ahead() : nullptr;
+  ChosenByFolds chosen = chosen_by_folds(data, selected, result.plan, regression.arx, ahead, options, before_em, work);
+  std::optional<Rival> rival;
+  if (!chosen.squares.empty()) rival = better_rival(*rivals, *errors, chosen.squares);
+  if (rival) {
     try {
-      Regressed other = regressed_as_rival(data, selected, regression, options);
-      ChosenByFolds by_other = chosen_by_folds(data, selected, as_asked(data, other.plan, options), other.arx,
-                                               regression.rival, options, {}, work);
-      if (by_other.error.value < chosen.error.value) {
+      Regressed other = regressed_as(*rival, data, selected, regression, options);
+      ChosenByFolds by_other =
+          chosen_by_folds(data, selected, as_asked(data, other.plan, options), other.arx, ahead, options, {}, work);
+      if (!by_other.squares.empty() &&
+          errors->error_of(by_other.squares).value < errors->error_of(chosen.squares).value) {
         chosen = std::move(by_other);
         regression = std::move(other);
         result.instead = true;

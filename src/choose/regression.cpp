@@ -239,8 +239,8 @@ void choose_variation(const Ensemble& data, const Ensemble& selection, const Ide
 }
 
 // The regressions that choose_variation() does not reach.
-std::optional<Rival> rival_beside(const Ensemble& data, const Ensemble& selection, IdentifyOptions options,
-                                  SmoothingOptions o, const Plan& plan) {
+std::optional<Rivals> rivals_beside(const Ensemble& data, const Ensemble& selection, IdentifyOptions options,
+                                    SmoothingOptions o, const Plan& plan) {
   const TimeVariation& variation = plan.choices.variation;
   if (options.period > 0 || options.smoothing || options.lags || options.states || options.choices || options.jumps ||
       !variation.jumps.empty() || selection.experiments() < 2)
@@ -248,9 +248,8 @@ std::optional<Rival> rival_beside(const Ensemble& data, const Ensemble& selectio
   const bool starts_em = options.refine.value_or(true);
   options.refine = false;
   o.lags = lag_candidates(selection, data, plan.nominal, o.initial_state, 0, options);
-  return rival_of(selection, o, plan.lags,
-                  variation.period == 1 ? std::numeric_limits<double>::infinity() : variation.smoothing,
-                  starts_em ? enough_for_em : o.lags.back(), Folds::most_refined);
+  return Rivals{o, plan.lags, variation.period == 1 ? std::numeric_limits<double>::infinity() : variation.smoothing,
+                starts_em ? enough_for_em : o.lags.back()};
 }
 
 // One regression couples all steps. `known`: the decision about the initial state, if there is one.
@@ -293,7 +292,7 @@ Regressed coupled(const Ensemble& data, const Selection& selected, const Plan& s
       steps.push_back(jump.step);
     }
   }
-  result.rival = rival_beside(data, selection, options, o, plan);
+  result.rivals = rivals_beside(data, selection, options, o, plan);
 
   const Index whole = checked_windows(data, plan), unknowns = unknowns_of(data, plan.lags, plan.feedthrough.present);
   if (whole < 2 * unknowns)
@@ -373,9 +372,8 @@ Regressed regressed(const Ensemble& data, const Selection& selection, bool nomin
   return result;
 }
 
-Regressed regressed_as_rival(const Ensemble& data, const Selection& selection, const Regressed& first,
-                             const IdentifyOptions& options) {
-  const Rival& rival = *first.rival;
+Regressed regressed_as(const Rival& rival, const Ensemble& data, const Selection& selection, const Regressed& first,
+                       const IdentifyOptions& options) {
   IdentifyOptions stated = options;
   stated.lags = rival.lags;
   stated.smoothing = rival.smoothing;

@@ -22,7 +22,7 @@ struct Regressed {
   LagOrderErrors lag_order_errors;   // from regressions of each step alone
   SmoothingChoice smoothing_choice;  // from coupled steps
   std::vector<Jump> jumps;           // of coupled steps
-  std::optional<Rival> rival;        // of coupled steps without a jump, unless p, λ or jumps are stated
+  std::optional<Rivals> rivals;      // of coupled steps without a jump, unless p, λ or jumps are stated
   Findings findings;
 };
 
@@ -43,9 +43,9 @@ std::vector<Index> jumps_within(const std::vector<Index>& jumps, const Selection
 Regressed regressed(const Ensemble& departures, const Selection& selection, bool nominal,
                     const IdentifyOptions& options);
 
-// Takes the p and λ of the rival of `first`, which has one.
-Regressed regressed_as_rival(const Ensemble& departures, const Selection& selection, const Regressed& first,
-                             const IdentifyOptions& options);
+// Takes p and λ of a rival of `first`.
+Regressed regressed_as(const Rival& rival, const Ensemble& departures, const Selection& selection,
+                       const Regressed& first, const IdentifyOptions& options);
 
 // Fits the regression of a decided plan. \throws std::invalid_argument as above
 GtvArx regressed_as(const Ensemble& departures, const Plan& plan, const Execution& execution);

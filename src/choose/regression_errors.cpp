@@ -41,34 +41,38 @@ class Predictions {
 RegressionErrors::RegressionErrors(const Ensemble& e, const SmoothingOptions& o, Index held_out,
                                    std::vector<Index> horizons)
     : options_(o),
-      from_(first_scored(o.initial_state, o.lags.back(), 0)),
-      horizons_(std::move(horizons)),
+      ahead_{first_scored(o.initial_state, o.lags.back(), 0), std::move(horizons)},
       weights_(weights_of(o.output_weights, e.outputs())) {
+  std::erase_if(ahead_.horizons, [&](Index h) { return h > 1 && 2 * h > e.steps() - ahead_.from; });
   const Index folds = fold_count(e.experiments());
   for (Index f = 0; f < std::min(held_out, folds); ++f) parts_.push_back(fold(e, f, folds, o.centred));
 }
 
-RegressionErrors::Found RegressionErrors::found(Index lags, double smoothing, const std::vector<Index>& jumps) const {
-  const Index columns = Index(horizons_.size()) * weights_.size();
+Squares RegressionErrors::squares(Index f, Index lags, double smoothing, const std::vector<Index>& jumps) const {
   SmoothArxOptions o{lags, options_.initial_state, options_.feedthrough};
   if (std::isinf(smoothing))
     o.variation.period = 1;
   else
     o.variation = {smoothing, 0, jumps};
+  const auto& [training, held_out, rows] = parts_[size_t(f)];
+  const GtvArx arx = smooth_arx(training, o);
+  Squares result(held_out.experiments(), Index(ahead_.horizons.size()) * weights_.size());
+  Predictions predictions(held_out, arx, ahead_.horizons);
+  for (Index s = ahead_.from; s < held_out.steps(); ++s)
+    predictions.add(s, ahead_.all_begin(s, held_out.steps()) ? ahead_.horizons.back() : 1, result);
+  return result;
+}
+
+HeldOutError RegressionErrors::error_of(const std::vector<Squares>& folds) const {
+  return held_out_error(joined(folds), weights_);
+}
+
+RegressionErrors::Found RegressionErrors::found(Index lags, double smoothing, const std::vector<Index>& jumps) const {
   std::vector<Squares> of_folds(parts_.size());
   parallel_for(0, Index(parts_.size()), {options_.execution.threads, {}}, [&](Index begin, Index end) {
-    for (Index f = begin; f < end; ++f) {
-      const Ensemble& held_out = parts_[size_t(f)].held_out;
-      const GtvArx arx = smooth_arx(parts_[size_t(f)].training, o);
-      Squares& own = of_folds[size_t(f)] = Squares(held_out.experiments(), columns);
-      Predictions predictions(held_out, arx, horizons_);
-      for (Index s = from_; s < held_out.steps(); ++s)
-        predictions.add(s, begins_far(s, held_out.steps(), horizons_) ? horizons_.back() : 1, own);
-    }
+    for (Index f = begin; f < end; ++f) of_folds[size_t(f)] = squares(f, lags, smoothing, jumps);
   });
-  Squares all = joined(of_folds);
-  HeldOutError error = held_out_error(all, weights_);
-  return {lags, smoothing, std::move(all), std::move(error)};
+  return {lags, smoothing, error_of(of_folds)};
 }
 
 }  // namespace tokid

@@ -11,26 +11,27 @@ namespace tokid {
 
 class RegressionErrors {
  public:
-  // Of the folds of the ensemble, `held_out` are held out. `horizons`: ascending, the first is 1. The options stay with
-  // the caller.
+  // Of the folds of the ensemble, `held_out` are held out. `horizons`: as in Ahead; those beyond half of the steps are
+  // left out. The options stay with the caller.
   RegressionErrors(const Ensemble& ensemble, const SmoothingOptions& options, Index held_out,
-                   std::vector<Index> horizons);
+                   std::vector<Index> horizons = {1, 5, 20});
+
+  // Of the predictions of the experiments that fold f holds out. `smoothing`: infinite for one model for all steps
+  Squares squares(Index f, Index lags, double smoothing, const std::vector<Index>& jumps = {}) const;
+  HeldOutError error_of(const std::vector<Squares>& folds) const;
 
   struct Found {
     Index lags = 0;
-    double smoothing = 0.0;  // infinite: one model for all steps
-    Squares squares;         // of the predictions of the held-out experiments, joined()
-    HeldOutError error;
+    double smoothing = 0.0;
+    HeldOutError error;  // of all folds
   };
   Found found(Index lags, double smoothing, const std::vector<Index>& jumps = {}) const;
 
-  const std::vector<Index>& horizons() const { return horizons_; }
-  Index from() const { return from_; }  // first step of the predictions
+  const Ahead& ahead() const { return ahead_; }
 
  private:
   const SmoothingOptions& options_;
-  Index from_;
-  std::vector<Index> horizons_;
+  Ahead ahead_;
   Vector weights_;
   std::vector<Split> parts_;
 };

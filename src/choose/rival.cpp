@@ -6,7 +6,7 @@
 #include <limits>
 #include <utility>
 
-#include "choose/regression_errors.hpp"
+#include "base/statistics.hpp"
 
 namespace tokid {
 
@@ -16,38 +16,68 @@ constexpr double all_alike = std::numeric_limits<double>::infinity();  // λ of 
 // λ of models that vary, where one model for all steps was chosen.
 constexpr double slow[] = {1e3, 316.0, 100.0};
 
+class Race {
+ public:
+  Race(const RegressionErrors& errors, const std::vector<Squares>& of_models)
+      : errors_(errors), of_models_(of_models), models_(errors.error_of(of_models)) {}
+
+  // Is it worth trying the next regression of the same kind?
+  bool go_on(Index lags, double smoothing) {
+    std::vector<Squares> own;
+    for (size_t f = 0; f < of_models_.size(); ++f) {
+      own.push_back(errors_.squares(Index(f), lags, smoothing));
+      if (f + 1 < of_models_.size() && hopeless(own)) return ++hopeless_ < 2;
+    }
+    hopeless_ = 0;
+    HeldOutError found = errors_.error_of(own);
+    const bool smaller = !best_ || found.value < best_->second.value;
+    if (smaller) best_.emplace(Rival{lags, smoothing}, std::move(found));
+    return true;
+  }
+  void next_kind() { hopeless_ = 0; }
+
+  std::optional<Rival> winner() const {
+    // A regression and EM often predict alike, and a second search takes much time.
+    constexpr double standard_errors = 2.0;
+    if (!best_ || !clearly_smaller(best_->second, models_, standard_errors)) return std::nullopt;
+    return best_->first;
+  }
+
+ private:
+  // Do the first folds exclude that the regression predicts as well as the models?
+  bool hopeless(const std::vector<Squares>& own) const {
+    constexpr double probability = 1e-3;  // of giving up a regression that predicts as well
+    const HeldOutError found = errors_.error_of(own),
+                       other = errors_.error_of({of_models_.begin(), of_models_.begin() + std::ptrdiff_t(own.size())});
+    const double freedom = double(found.influence.size()) - 1.0;
+    return freedom > 0 && clearly_smaller(other, found, statistics::student_quantile(1 - probability, freedom));
+  }
+
+  const RegressionErrors& errors_;
+  const std::vector<Squares>& of_models_;
+  HeldOutError models_;
+  std::optional<std::pair<Rival, HeldOutError>> best_;
+  int hopeless_ = 0;  // of the last regressions of this kind
+};
+
 }  // namespace
 
-std::optional<Rival> rival_of(const Ensemble& ensemble, const SmoothingOptions& options, Index lags, double smoothing,
-                              Index reached, Index folds) {
-  using Found = RegressionErrors::Found;
-  const Index from = first_scored(options.initial_state, options.lags.back(), 0);
-  const RegressionErrors candidates(ensemble, options, folds, horizons_within(ensemble.steps() - from));
-  std::optional<Found> best;
-  const auto take_if_smaller = [&](Found found) {
-    const bool smaller = !best || found.error.value < best->error.value;
-    if (smaller) best = std::move(found);
-    return smaller;
+std::optional<Rival> better_rival(const Rivals& rivals, const RegressionErrors& errors,
+                                  const std::vector<Squares>& of_models) {
+  const std::vector<Index>& orders = rivals.options.lags;
+  const auto beyond = [&](Index least) {
+    return std::find_if(orders.begin(), orders.end(), [&](Index p) { return p >= least; });
   };
-  if (std::isinf(smoothing)) {
+  Race race(errors, of_models);
+  if (std::isinf(rivals.smoothing)) {
     for (const double slower : slow)
-      if (!take_if_smaller(candidates.found(std::min(lags, options.lags.back()), slower))) break;
+      if (!race.go_on(std::min(rivals.lags, orders.back()), slower)) break;
   } else {
-    for (const Index p : options.lags) take_if_smaller(candidates.found(p, all_alike));
-    // One model for all steps determines its coefficients best. It shows which lags matter, also after a dead time.
-    const Index seen = best->lags;
-    std::optional<Found> before;
-    for (const Index p : options.lags) {
-      if (p <= reached) continue;
-      Found found = candidates.found(p, smoothing);
-      const bool better = !before || clearly_smaller(found.error, before->error);
-      if (!better && p > seen) break;
-      if (better) before = found;
-      take_if_smaller(std::move(found));
-    }
+    for (auto p = beyond(rivals.lags); p != orders.end() && race.go_on(*p, all_alike); ++p) continue;
+    race.next_kind();
+    for (auto p = beyond(rivals.reached + 1); p != orders.end() && race.go_on(*p, rivals.smoothing); ++p) continue;
   }
-  if (!best) return std::nullopt;
-  return Rival{best->lags, best->smoothing, std::move(best->squares), candidates.horizons(), candidates.from()};
+  return race.winner();
 }
 
 }  // namespace tokid

@@ -1,29 +1,32 @@
-// Experiments and the choice of p and λ → a regression that may predict better than the models of this choice.
+// Errors of the models of the folds → a regression that predicts better than these models, if there is one.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
 #include <optional>
 #include <vector>
 
-#include "choose/held_out_error.hpp"
-#include "tokid/smooth_arx.hpp"
+#include "choose/regression_errors.hpp"
 
 namespace tokid {
 
-// Of the regressions that the choice of p and λ does not reach (more lags than EM starts from, one model for all steps,
-// variation where one model for all steps was chosen), the one that predicts best.
-struct Rival {
-  Index lags = 0;
-  double smoothing = 0.0;            // infinite: one model for all steps
-  Squares squares;                   // of its predictions of the held-out experiments, joined()
-  std::vector<Index> horizons = {};  // of these predictions, ascending
-  Index from = 0;                    // first step of these predictions
+// The regressions that the choice of p and λ does not reach: more lags than EM starts from, one model for all steps, or
+// variation where one model for all steps was chosen.
+struct Rivals {
+  SmoothingOptions options;  // `lags`: the orders that the samples determine
+  Index lags = 0;            // p and λ of the choice
+  double smoothing = 0.0;    // infinite: one model for all steps
+  Index reached = 0;         // the largest order among which p was chosen
 };
 
-// `choice`: p and λ, infinite for one model for all steps. `options.lags`: the orders that the samples determine.
-// `reached`: the largest order among which p was chosen. `folds`: of the folds of the ensemble, so many are held out.
-// Without a value if no other regression is possible.
-std::optional<Rival> rival_of(const Ensemble& ensemble, const SmoothingOptions& options, Index lags, double smoothing,
-                              Index reached, Index folds);
+struct Rival {
+  Index lags = 0;
+  double smoothing = 0.0;  // infinite: one model for all steps
+};
+
+// `errors`: of regressions with these options. `of_models`: for each fold of the errors. A regression is given up after
+// the first folds if they leave it no chance, and larger orders after two such regressions. Without a value if no
+// regression predicts better by two standard errors.
+std::optional<Rival> better_rival(const Rivals& rivals, const RegressionErrors& errors,
+                                  const std::vector<Squares>& of_models);
 
 }  // namespace tokid
