@@ -204,6 +204,7 @@ TEST(Identify, NominalTrajectoriesAreFoundRemovedAndAddedBack) {
                   .isZero(0));  // the mean has spent the one degree of freedom that 11 experiments leave
   IdentifyOptions none;
   none.nominal = NominalChoice::none;
+  none.refine = false;
   EXPECT_EQ(identify(e, none).model.y_nominal.size(), 0);
   EXPECT_FALSE(identify(experiments(system, {.experiments = 20})).nominal_test.significant);
   EXPECT_EQ(identify(experiments(system, {.experiments = 20})).model.y_nominal.size(), 0);
@@ -334,7 +335,7 @@ TEST(Identify, OneModelServesALongRecordWhereItPredictsBetter) {
   EXPECT_EQ(together.plan.choices.variation.period, 1);
   EXPECT_EQ(together.plan.choices.refinement_iterations, 0);
   EXPECT_TRUE(mentions(together.findings, "tokid uses one model for all steps"));
-  const Identification varying = identify(data, {.jumps = std::vector<Index>{}});
+  const Identification varying = identify(data, {.jumps = std::vector<Index>{}, .refine = false});
   EXPECT_EQ(varying.plan.choices.variation.period, 0);
   const Validation one = validate(together.model, fresh), many = validate(varying.model, fresh);
   EXPECT_LT(one.one_step.rmse.maxCoeff(), many.one_step.rmse.maxCoeff());

@@ -256,7 +256,7 @@ TEST_F(Stream, EveryNumberOfMembersDecidesAlike) {
        false,
        true}};
   for (const SharedCase& c : cases) {
-    Ensemble e = experiments(slow_system(1100), c.experiments);
+    Ensemble e = experiments(slow_system(600), c.experiments);
     Random random(27);
     for (Index k = 0; k < e.steps(); ++k) {
       e.input(k).array() += c.mean_motion * std::sin(0.1 * double(k));
