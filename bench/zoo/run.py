@@ -66,6 +66,8 @@ def chosen_by(report):
     choices = {name: report.get(name) for name in CHOICES}
     return {**choices, "iterations": refinement.get("iterations"), "em_smoothing": refinement.get("smoothing"),
             "ahead_ratio": refinement.get("ahead_ratio"), "jumps": refinement.get("jumps"),
+            "verdict": report["verdict"]["trust"],
+            "reasons": [check["name"] for check in report["verdict"]["checks"] if check["reasons"]],
             "warnings": [found["kind"] for found in report.get("findings", [])]}
 
 

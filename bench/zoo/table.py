@@ -5,7 +5,8 @@
 
 Regret: the error 20 steps ahead of the default over the least one that is known of the cell: that of the best options
 of the grid, of maximum likelihood from the truth, or of a rival. Of an older file, the error 20 steps ahead stands
-beside the others.
+beside the others. The last table counts how far the models of each verdict are from the best that is known: from the
+truth, where the cell has no other.
 """
 
 import json
@@ -70,6 +71,17 @@ def percentiles(defaults):
             row(words, *(shown(values[place]) for place in places), str(len(values)))
 
 
+def calibration(defaults):
+    near = (1.05, 1.15, 1.5)
+    row("verdict", "cells", *(f"at most {limit:g}" for limit in near))
+    row(*["---"] * (2 + len(near)))
+    for verdict in ("good", "look closer", "don't trust"):
+        best = np.array([value(line, "ahead" if np.isnan(line["regret"]) else "regret") for line in defaults.values()
+                         if line.get("verdict") == verdict])
+        if len(best):
+            row(verdict, str(len(best)), *(f"{100 * np.mean(best <= limit):.0f} %" for limit in near))
+
+
 def main():
     results, older = read(sys.argv[1]), read(sys.argv[2]) if len(sys.argv) > 2 else {}
     defaults = {cell: {**line, "ahead": value(line, "ahead"), "regret": regret(results, cell)}
@@ -77,6 +89,8 @@ def main():
     cell_table(defaults, older)
     print()
     percentiles(defaults)
+    print()
+    calibration(defaults)
 
 
 if __name__ == "__main__":
