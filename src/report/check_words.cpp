@@ -300,6 +300,14 @@ void add_gains(VerdictCheck& check, const Conclusion& c, const InputGains& gains
   if (c.reason == Reason::gains_confirmed) check.numbers["interval"] = c.numbers.at("interval");
 }
 
+// Is the effect of an input wrong by more than half of it, also at the end of its interval?
+bool has_false_effect(const Conclusion& c) {
+  constexpr double half = 0.5;
+  for (size_t i = 0; c.reason == Reason::gains_wrong && i < c.channels.size(); ++i)
+    if (std::abs(c.errors[i]) - c.intervals[i] > half) return true;
+  return false;
+}
+
 CheckKind kind_of(Conclusion::Test test) {
   using Test = Conclusion::Test;
   return test == Test::whiteness      ? CheckKind::whiteness
@@ -340,9 +348,11 @@ VerdictCheck check_of(const Conclusion& c, const Validation& v) {
     check.figures = {by_chance(), small()};
     check.one_suffices = true;
   }
-  check.result = c.result == TestResult::against ? Trust::look_closer : Trust::good;
+  check.result = c.result != TestResult::against ? Trust::good
+                 : has_false_effect(c)           ? Trust::distrust
+                                                 : Trust::look_closer;
   if (check.result != Trust::good)
-    check.reasons.push_back({Trust::look_closer, fmt::format("{}: {}.", in_words(check).subject, in_words(c))});
+    check.reasons.push_back({*check.result, fmt::format("{}: {}.", in_words(check).subject, in_words(c))});
   return check;
 }
 

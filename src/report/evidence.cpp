@@ -313,7 +313,7 @@ Evidence evidence(const Model& model, const Tested& tested, Comparison compared)
   for (Index j = 0; j < data.outputs(); ++j)
     if (std::find(found.constant_outputs.begin(), found.constant_outputs.end(), j) == found.constant_outputs.end())
       moving.push_back(j);
-  found.deciding = deciding_horizon(model, data, compared, options, spread, moving, found.conclusions);
+  found.deciding = deciding_horizon(model, data, compared, options, spread, moving);
   Findings findings = compared.validation.findings;
   append(findings, findings_of(tested.in_given_data(compared.validation.outlying), data.names));
   found.findings =

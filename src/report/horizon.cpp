@@ -79,10 +79,9 @@ Vector forced_response(const Model& model, const Ensemble& data, Index begin, In
 
 DecidingHorizon deciding_horizon(const Model& model, const Ensemble& data, const Comparison& compared,
                                  const ReportOptions& options, const Vector& spread,
-                                 const std::vector<Index>& moving_outputs, const Conclusions& conclusions) {
+                                 const std::vector<Index>& moving_outputs) {
   if (ends_early(model, data.steps()))
-    return deciding_horizon(continued(model, data.steps()), data, compared, options, spread, moving_outputs,
-                            conclusions);
+    return deciding_horizon(continued(model, data.steps()), data, compared, options, spread, moving_outputs);
   constexpr Index most_steps = 100;
   const Validation& v = compared.validation;
   DecidingHorizon result;
@@ -117,9 +116,7 @@ DecidingHorizon deciding_horizon(const Model& model, const Ensemble& data, const
       return !(variance(j) > std::max(small * small, bounds::like_one_step * bounds::like_one_step * ahead(0, j)));
     });
   };
-  const bool inputs_wrong =
-      conclusions.independence.result == TestResult::against || conclusions.gains.result == TestResult::against;
-  if (simulates || inputs_wrong || well(simulated)) return result;
+  if (simulates || well(simulated)) return result;
   result.steps = 1;
   while (result.steps < horizons && well(ahead.row(result.steps).transpose())) ++result.steps;
   result.expected = fits(ahead.row(result.steps - 1).transpose(), spread);

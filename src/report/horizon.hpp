@@ -9,8 +9,7 @@ namespace tokid::report {
 
 // The noise that the model states can make even the simulation of an exact model bad. Then a bad simulation does not
 // show that the model is wrong. In this case the model is evaluated by predictions, over the most steps at which an
-// exact model would predict well. But if a test shows that the effects of the inputs are wrong, the simulation
-// evaluates the model, because wrong effects of the inputs also make a simulation bad.
+// exact model would predict well.
 struct DecidingHorizon {
   Index steps = 0;      // prediction horizon H; 0: the simulation
   bool stated = false;  // the covariances are those of the model; false: they come from the innovations of these data
@@ -25,6 +24,6 @@ struct DecidingHorizon {
 // nominal trajectory or mean. `moving_outputs`: the outputs that move.
 DecidingHorizon deciding_horizon(const Model& model, const Ensemble& data, const Comparison& compared,
                                  const ReportOptions& options, const Vector& spread,
-                                 const std::vector<Index>& moving_outputs, const Conclusions& conclusions);
+                                 const std::vector<Index>& moving_outputs);
 
 }  // namespace tokid::report
