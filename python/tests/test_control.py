@@ -35,7 +35,7 @@ def zoo():
 def test_observer_has_the_bits_of_predict(noisy, model):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", tokid.TokidWarning)  # few experiments
-        models = [model, tokid.identify(noisy)]
+        models = [model, tokid.identify(noisy, states=4, lags=4, smoothing=1.0)]
     for filtered in models:
         observer = filtered.observer()
         predicted = filtered.predict(noisy)
@@ -205,13 +205,14 @@ def of_zoo(truth):
     ).kalman_observer()  # fmt: skip
 
 
-@pytest.mark.parametrize("plant", ["oscillator", "rotor", "stage_separation"])
-def test_lqg_on_plants_of_the_zoo(plant, zoo):
+@pytest.mark.parametrize("plant, states, lags", [("oscillator", 4, 6), ("rotor", 2, 4), ("stage_separation", 4, 4)])
+def test_lqg_on_plants_of_the_zoo(plant, states, lags, zoo):
     conditions, measures, truths = zoo
     truth = truths.truth_of(plant, conditions.Condition(experiments=60))
     assert truth.law is None  # open loop
     u, y, _ = truths.experiments(truth, 60, 7, nonlinear=True)
-    model = tokid.identify(u.transpose(1, 0, 2), y.transpose(1, 0, 2), dt=truth.plant.dt)
+    model = tokid.identify(u.transpose(1, 0, 2), y.transpose(1, 0, 2), dt=truth.plant.dt, states=states, lags=lags,
+                           smoothing=0.1)
     known = of_zoo(truth)
     wy, wu = truth.y_scale**-2, truth.plant.u_std**-2
     begin, end = model.full_begin, model.k_end
@@ -258,14 +259,17 @@ def test_learning(system):
         system.learn(reference, u, y[1:])
 
 
-@pytest.mark.parametrize("plant, output", [("batch_reactor", 1), ("battery", 0), ("crane", 0)])
-def test_learning_on_nonlinear_plants_of_the_zoo(plant, output, zoo):
+@pytest.mark.parametrize("plant, output, states, lags",
+                         [("batch_reactor", 1, 3, 6), ("battery", 0, 4, 6), ("crane", 0, 4, 12)])
+def test_learning_on_nonlinear_plants_of_the_zoo(plant, output, states, lags, zoo):
     conditions, measures, truths = zoo
     truth = truths.truth_of(plant, conditions.Condition(experiments=60))
     u, y, _ = truths.experiments(truth, 60, 7, nonlinear=True)
+    # A model without EM is good enough here.
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", tokid.TokidWarning)
-        model = tokid.identify(u.transpose(1, 0, 2), y.transpose(1, 0, 2), dt=truth.plant.dt)
+        model = tokid.identify(u.transpose(1, 0, 2), y.transpose(1, 0, 2), dt=truth.plant.dt, states=states,
+                               lags=lags, smoothing=10.0, refine=False)
 
     def errors(designed):
         def learn(reference, inputs, measured, weight):

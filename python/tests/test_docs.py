@@ -57,7 +57,7 @@ def test_readme(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     page = (Path(__file__).resolve().parents[2] / "README.md").read_text()
     (program,) = re.findall(r"^```python\n(import tokid\n.*?)^```$", page, re.MULTILINE | re.DOTALL)
-    exec(compile(program.replace("experiments=200", "experiments=40"), "README.md", "exec"), {})
+    exec(compile(program.replace("experiments=200", "experiments=40, steps=30"), "README.md", "exec"), {})
     assert (tmp_path / "model.h5").exists() and capsys.readouterr().out.startswith("[9")
 
 

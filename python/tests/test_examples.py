@@ -21,16 +21,24 @@ NAMES = ["cd_player", "learning", "modes", "mujoco_crane", "mujoco_swing_up", "o
 
 @pytest.fixture
 def notebook(tmp_path, monkeypatch):
-    """Runs the code of a notebook cell by cell, in a folder of its own; gives the variables that it ends with."""
+    """Runs the code of a notebook cell by cell, in a folder of its own; gives the variables that it ends with.
+
+    `changes` are numbers of the code, by the names of arguments: those that the tests have instead.
+    """
     pyplot.switch_backend("agg")
     monkeypatch.chdir(tmp_path)
 
-    def run(name):
-        names = {"__name__": "__main__"}
+    def run(name, **changes):
+        names, found = {"__name__": "__main__"}, 0
         cells = json.loads((FOLDER / f"{name}.ipynb").read_text(encoding="utf-8"))["cells"]
         for number, cell in enumerate(cells, 1):
             if cell["cell_type"] == "code":
-                exec(compile("".join(cell["source"]), f"{name}.ipynb, cell {number}", "exec"), names)
+                code = "".join(cell["source"])
+                for argument, value in changes.items():
+                    code, count = re.subn(rf"\b{argument}=\d+", f"{argument}={value}", code)
+                    found += count
+                exec(compile(code, f"{name}.ipynb, cell {number}", "exec"), names)
+        assert found == len(changes)
         assert "<svg" in (tmp_path / f"{name}.svg").read_text(encoding="utf-8")
         return names
 
@@ -59,9 +67,9 @@ def test_notebooks_are_the_scripts():
 
 
 def test_a_script_runs_by_itself(tmp_path):
-    subprocess.run([sys.executable, FOLDER / "paper_example.py"], cwd=tmp_path, check=True, timeout=120,
+    subprocess.run([sys.executable, FOLDER / "plan.py"], cwd=tmp_path, check=True, timeout=120,
                    env={**os.environ, "MPLBACKEND": "agg"}, stdout=subprocess.DEVNULL)
-    assert (tmp_path / "paper_example.svg").exists()
+    assert (tmp_path / "plan.svg").exists()
 
 
 def test_paper_example(notebook):
@@ -89,7 +97,7 @@ def test_own_regression(notebook):
 
 
 def test_modes(notebook):
-    found = notebook("modes")
+    found = notebook("modes", replicates=10)  # the intervals of the picture come from four times as many
     assert found["found"].valid[:, [0, 2]].mean() > 0.95
     # The page says within 2 % of the truth where the variation is slow.
     assert np.median(found["errors"], axis=0).max() < 1 and np.mean(found["errors"] < 2) > 0.95

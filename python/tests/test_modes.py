@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Modes, frozen models, frequency responses and bounds of functions beside NumPy."""
 
+import functools
+
 import numpy as np
 import pytest
 from scipy.linalg import expm
@@ -14,6 +16,7 @@ def frequency(k):
     return 4 + 0.2 * k * DT
 
 
+@functools.cache
 def oscillator(constant=False, steps=STEPS):
     def matrix(k):
         w = 4.0 if constant else frequency(k + 0.5)
@@ -33,7 +36,8 @@ def experiments(model, count=30, noise=5e-4):
 @pytest.fixture(scope="module")
 def identified():
     data = experiments(oscillator())
-    return tokid.identify(data, states=2), data
+    # Without EM, a replicate of the bootstrap takes a tenth of the time; test_intervals_of_exponents has one with EM.
+    return tokid.identify(data, states=2, lags=12, smoothing=100.0, refine=False), data
 
 
 def test_modes_of_a_known_model():
@@ -80,7 +84,9 @@ def test_intervals_of_exponents():
     system = tokid.Model.from_matrices([a[k % 10] for k in range(STEPS)], [np.array([[0], [DT]])] * STEPS,
                                        [np.array([[1.0, 0]])] * STEPS, dt=DT)
     data = experiments(system)
-    found = tokid.identify(data, states=2, period=10).modes(data, replicates=20)
+    model = tokid.identify(data, states=2, period=10, lags=4, smoothing=0.0)
+    assert model.method == "em"
+    found = model.modes(data, replicates=20)
     for bounds, own, wanted in ((found.exponents_real_bounds, found.exponents.real, truth.real),
                                 (found.exponents_imag_bounds, found.exponents.imag, truth.imag)):
         np.testing.assert_array_equal(bounds.estimate, own)
