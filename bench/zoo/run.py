@@ -62,12 +62,12 @@ def make_data(cell, condition, truth, path, nonlinear=True):
 
 def chosen_by(report):
     """The choices of the tool, from its report."""
-    refinement = report.get("refinement") or {}
+    refinement, verdict = report.get("refinement") or {}, report.get("verdict") or {}
     choices = {name: report.get(name) for name in CHOICES}
     return {**choices, "iterations": refinement.get("iterations"), "em_smoothing": refinement.get("smoothing"),
             "ahead_ratio": refinement.get("ahead_ratio"), "jumps": refinement.get("jumps"),
-            "verdict": report["verdict"]["trust"],
-            "reasons": [check["name"] for check in report["verdict"]["checks"] if check["reasons"]],
+            "verdict": verdict.get("trust"),
+            "reasons": [check["name"] for check in verdict.get("checks", []) if check["reasons"]],
             "warnings": [found["kind"] for found in report.get("findings", [])]}
 
 
