@@ -35,7 +35,7 @@ def test_every_figure_is_drawn(visit, paper, panels, screenshots, width, scheme)
         assert undrawn(page) == []
         boxes = [page.locator(f"#plot-{name}").bounding_box() for name in PLOTS]
         assert all(250 < box["width"] <= width for box in boxes)
-        page.screenshot(path=screenshots / f"paper-{width}-{scheme}.png", full_page=True)
+        page.screenshot(path=screenshots / f"paper-{width}-{scheme}.png", full_page=True, scale="css")
 
 
 def test_values_are_drawn_where_they_lie(visit, paper, panels):
@@ -102,7 +102,7 @@ def test_on_paper(visit, paper, screenshots):
         assert undrawn(page) == []
         widths = page.evaluate("[...document.querySelectorAll('.plot canvas')].map(c => c.getBoundingClientRect().width)")
         assert len(widths) == len(PLOTS) and max(widths) <= 660
-        page.screenshot(path=screenshots / "paper-print.png", full_page=True)
+        page.screenshot(path=screenshots / "paper-print.png", full_page=True, scale="css")
 
 
 def test_appendix_b_says_what_was_printed(visit, paper):

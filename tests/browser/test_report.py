@@ -15,6 +15,9 @@ OTHER_PLOTS = {"poles", "whiteness", "inputs-lags", "experiments", "pulse", "ste
 NASTY = ["</script><script>alert(1)</script>", "<img src=x onerror=alert(2)>", "\"quoted\" 'name' & co \\u003c 🛩",
          "a name of very great length " * 12]
 
+# Choices that take the tool the most time, where they are not what is looked at.
+QUICK = ["--states", 4, "--lags", 4, "--smoothing", 1, "--no-refine"]
+
 
 @pytest.fixture(scope="session")
 def folder(tmp_path_factory):
@@ -39,7 +42,7 @@ def nasty(tokid, folder, typical):
     np.savez(folder / "nasty.npz", **data, input_names=NASTY[:2], output_names=NASTY[2:],
              input_units=["<b>N</b>", "m"], output_units=["</title>", "</style>"])
     page = folder / "nasty <i>.html"
-    tokid("identify", folder / "nasty.npz", "-o", folder / "model & <b>.npz", "--report", page, "--no-refine")
+    tokid("identify", folder / "nasty.npz", "-o", folder / "model & <b>.npz", "--report", page, *QUICK)
     return page
 
 
@@ -215,7 +218,7 @@ def test_departures_from_the_nominal_trajectory(visit, tokid, folder, typical):
     mean = 40 * np.sin(np.arange(80) / 9)
     np.savez(folder / "moved.npz", **{**data, "y": data["y"] + mean[:, None]})
     tokid("identify", folder / "moved.npz", "-o", folder / "moved-model.npz", "--hold-out", 0.25, "--nominal", "mean",
-          "--no-refine", "--report", folder / "moved.html")
+          *QUICK, "--report", folder / "moved.html")
     with visit(folder / "moved.html") as page:
         whole, nominal = (np.array(values(page, "outputs", name)) for name in ("Measured", "Nominal"))
         assert np.corrcoef(nominal, mean)[0, 1] > 0.95  # the means of 37 experiments are about it
@@ -335,7 +338,7 @@ def test_bands_frozen_responses_and_other_models(visit, tokid, folder, typical, 
             assert all("95 % band from" in labels[name] for name in ("magnitude", "phase"))
             assert page.locator("main script, main b:not(.tile b):not(.legend b)").count() == 0
             assert not {("magnitude", label) for label in labels["magnitude"]} & set(undrawn(page))
-            page.screenshot(path=screenshots / f"report-compared-{width}-{scheme}.png", full_page=True)
+            page.screenshot(path=screenshots / f"report-compared-{width}-{scheme}.png", full_page=True, scale="css")
 
 
 def test_zoom_is_shared_and_can_be_undone(visit, typical):
@@ -579,7 +582,7 @@ def test_on_paper(visit, typical, screenshots):
         assert len(widths) == len(TIME_PLOTS | OTHER_PLOTS) and max(widths) <= 660
         assert not clipped(page)
         assert undrawn(page) == []
-        page.screenshot(path=screenshots / "report-print.png", full_page=True)
+        page.screenshot(path=screenshots / "report-print.png", full_page=True, scale="css")
         page.emulate_media(media="screen")
         expect(page.locator("html")).to_have_attribute("data-theme", "dark")
 
@@ -605,7 +608,7 @@ def test_without_states_nothing_is_empty_or_bright(visit, tokid, folder, screens
             grey = of_colour(pixels, "#8c949e")
             assert grey.mean() > 0.7
             assert not (coloured(pixels) & (pixels[..., 1] > pixels[..., 0])).any()  # no green of the scale
-            page.screenshot(path=screenshots / f"report-{name}-375.png", full_page=True)
+            page.screenshot(path=screenshots / f"report-{name}-375.png", full_page=True, scale="css")
 
 
 def test_what_is_left_out_is_said_beside_the_plot(visit, tokid, folder, typical, screenshots):

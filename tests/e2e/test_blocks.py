@@ -212,8 +212,9 @@ def test_what_is_killed_leaves_nothing(tokid, tmp_path):
 
 def test_noisy_blocks(tokid, tmp_path):
     data = write_ensemble(tmp_path / "data.h5", steps=400, noise=0.1)
-    found = tokid.json("identify", data, "-o", tmp_path / "blocks.h5", "--block", 200, "--no-refine", "--hold-out", 0.25)
-    whole = tokid.json("identify", data, "-o", tmp_path / "whole.h5", "--no-refine", "--hold-out", 0.25)
+    given = ["--lags", 3, "--no-refine", "--hold-out", 0.25]
+    found = tokid.json("identify", data, "-o", tmp_path / "blocks.h5", "--block", 200, *given)
+    whole = tokid.json("identify", data, "-o", tmp_path / "whole.h5", *given)
     assert found["held_out_experiments"] == 10
     assert found["states"] == whole["states"]
     assert found["one_step_fit"] == pytest.approx(whole["one_step_fit"], abs=0.5)
@@ -222,9 +223,10 @@ def test_noisy_blocks(tokid, tmp_path):
 
 def test_a_wrong_experiment_is_told_without_noise(tokid, tmp_path):
     data = write_ensemble(tmp_path / "data.h5")
-    assert tokid.json("identify", data, "-o", tmp_path / "model.h5", "--block", 200)["outliers"] == []
+    call = ["identify", data, "-o", tmp_path / "model.h5", "--block", 200, "--states", 2, "--lags", 2, "--no-refine"]
+    assert tokid.json(*call)["outliers"] == []
     with h5py.File(data, "a") as file:
         file["y"][7] *= -1
-    found = tokid.json("identify", data, "-o", tmp_path / "model.h5", "--block", 200)
+    found = tokid.json(*call)
     assert [other["experiment"] for other in found["outliers"]] == [7]
     assert any("in the stretches of the data on which tokid made its choices, experiment 7 does not fit the other experiments" in text for text in found["warnings"])

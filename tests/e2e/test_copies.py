@@ -30,20 +30,28 @@ CHANGES = {
 }
 
 
+@pytest.fixture(scope="module", params=[0.0, 0.02])
+def once(request, tokid, tmp_path_factory):
+    """Experiments without and with noise, what is told of their model, its arrays and its folds."""
+    folder = tmp_path_factory.mktemp("once")
+    u, y = campaign(12, noise=request.param, steps=40)
+    data = write(folder / "once.npz", u, y)
+    told = tokid.json("identify", data, "-o", folder / "plain.npz", "--no-refine")
+    own = tokid.json("validate", folder / "plain.npz", data, "--cross-validate", 3)["cross_validation"]
+    return u, y, told, load(folder / "plain.npz"), own
+
+
 @pytest.mark.parametrize("change", CHANGES)
-@pytest.mark.parametrize("noise", [0.0, 0.02])
-def test_the_model_is_that_of_each_experiment_once(tokid, tmp_path, change, noise):
-    u, y = campaign(12, noise=noise)
+def test_the_model_is_that_of_each_experiment_once(tokid, tmp_path, once, change):
+    u, y, plain, expected, own = once
     rng = np.random.default_rng(1)
-    once = write(tmp_path / "once.npz", u, y)
     twice = write(tmp_path / "twice.npz", *(np.concatenate([v, CHANGES[change](v, rng)]) for v in (u, y)))
-    plain = tokid.json("identify", once, "-o", tmp_path / "plain.npz", "--no-refine")
     found = tokid.json("identify", twice, "-o", tmp_path / "found.npz", "--report", tmp_path / "page.html", "--no-refine")
     assert found["copies"] == [[n, 12 + n] for n in range(12)]
     assert found["warnings"][0].startswith("12 of 24 experiments are copies of other experiments, within rounding: "
                                            "experiment 12 of experiment 0; experiment 13 of experiment 1; ")
     assert found["experiments"] == 12 and found["states"] == plain["states"] and found["one_step_fit"] == plain["one_step_fit"]
-    model, expected = load(tmp_path / "found.npz"), load(tmp_path / "plain.npz")
+    model = load(tmp_path / "found.npz")
     for name in "ABCDG":
         assert np.array_equal(model[name], expected[name])
     assert "12 of 24 experiments are copies of other experiments" in (tmp_path / "page.html").read_text()
@@ -51,7 +59,6 @@ def test_the_model_is_that_of_each_experiment_once(tokid, tmp_path, change, nois
     tokid("report", tmp_path / "found.npz", twice, "-o", tmp_path / "again.html")
     assert "12 of 24 experiments are copies of other experiments" in (tmp_path / "again.html").read_text()
     folds = tokid.json("validate", tmp_path / "found.npz", twice, "--cross-validate", 3)["cross_validation"]
-    own = tokid.json("validate", tmp_path / "plain.npz", once, "--cross-validate", 3)["cross_validation"]
     assert folds["one_step_fit"] == own["one_step_fit"]
 
 

@@ -72,6 +72,6 @@ def test_blocks_report_them(tokid, tmp_path):
     write(tmp_path / "made.npz", augmented(u), augmented(y))
     tokid("convert", tmp_path / "made.npz", tmp_path / "made.h5")
     found = tokid.json("identify", tmp_path / "made.h5", "-o", tmp_path / "model.h5", "--block", 200,
-                       "--lags", 3, "--states", 3)
+                       "--lags", 3, "--states", 3, "--no-refine")
     assert [c["experiment"] for c in found["dependent"]] == list(range(20, 40))
     assert any("are sums or multiples of other experiments" in text and "An identification in blocks uses these experiments" in text for text in found["warnings"])

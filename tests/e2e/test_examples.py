@@ -33,12 +33,12 @@ def numbers(line):
 
 
 def test_pendubot(example):
-    lines = example("pendubot.py", "--splits", 3, "--sets", "plain")
+    lines = example("pendubot.py", "--splits", 1, "--sets", "plain")
     rows = {line[:30].strip(): numbers(line[30:]) for line in lines[2:]}
     published = rows["ARX varying in time, pooled"]
     assert published[:3] == pytest.approx([94.7, 91.6, 93.15], abs=0.051)
-    # Means of both positions over 1, 5, 10, 20 steps. Splits differ by a few points, and three of them by less than the
-    # distance to the published row over many steps.
+    # Means of both positions over 1, 5, 10, 20 steps. Splits differ by a few points, which is less than the distance to
+    # the published row over many steps: about 15, 25 and 35 points.
     assert np.all(rows["tokid"][5::3] > published[5::3])
     assert rows["tokid"][2] > published[2] - 2
 

@@ -26,7 +26,7 @@ OLD = b"what was there before"
 def campaign(tokid, tmp_path_factory):
     """Data, a model and a state of them, later experiments; long.h5 is for blocks."""
     folder = tmp_path_factory.mktemp("campaign")
-    tokid("example", "oscillator", "-o", folder / "all.npz", "--experiments", 50, "--steps", 200)
+    tokid("example", "oscillator", "-o", folder / "all.npz", "--experiments", 50, "--steps", 120)
     with np.load(folder / "all.npz") as file:
         whole = dict(file)
     for name, part in ("data", slice(0, 40)), ("later", slice(40, 50)):
@@ -219,9 +219,9 @@ def test_files_may_not_be_so_large(tokid, campaign, tmp_path, name):
 @pytest.mark.parametrize("output", ["out.h5", "out.mat", "out.npz"])
 def test_no_memory_to_write(tokid, tmp_path, output):
     """The reason is that of the writing, where the reading still had enough."""
-    write_ensemble(tmp_path / "data.h5", experiments=100, steps=10000)  # 24 MB
+    write_ensemble(tmp_path / "data.h5", experiments=50, steps=10000)  # 12 MB
     found = Counter()
-    for megabytes in range(40, 240, 8):
+    for megabytes in range(40, 240, 4):
         def little(size=megabytes << 20):
             resource.setrlimit(resource.RLIMIT_AS, (size, size))
 

@@ -143,7 +143,7 @@ def test_given_orders_are_not_tested(tokid, tmp_path, oscillator):
                                          (["--method", "tvera"], "by prediction and simulation errors")])
 def test_states_of_noisy_data_are_tried(tokid, tmp_path, options, why):
     tokid("example", "oscillator", "-o", tmp_path / "data.npz", "--steps", 30, "--measurement-noise", 0.2,
-          "--experiments", 100)
+          "--experiments", 50)
     found = tokid.json("identify", tmp_path / "data.npz", "-o", tmp_path / "model.npz", *options)
     scores = found["order_scores"]
     chosen = found["refinement"]["states"] if found["refinement"] else scores["best"]  # EM may need fewer states

@@ -100,7 +100,8 @@ def test_blocks_have_no_jumps(tokid, data, tmp_path):
         for name in ("u", "y"):
             file[name] = np.tile(whole[name][:8], (1, 10, 1))
         file["dt"] = 0.1
-    tokid("identify", tmp_path / "data.h5", "-o", tmp_path / "m.h5", "--block", 200, "--lags", 6)
+    tokid("identify", tmp_path / "data.h5", "-o", tmp_path / "m.h5", "--block", 200, "--lags", 6, "--states", 2,
+          "--no-refine")
     with h5py.File(tmp_path / "m.h5") as model:
         options = model["options"][()].decode()
     assert '"jumps":[]' in options

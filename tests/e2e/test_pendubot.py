@@ -56,7 +56,8 @@ def test_identify_and_validate(tokid, tmp_path, pendubot):
     for name, rows in (("training", ~held_out), ("fresh", held_out)):
         part = {key: value[rows] if key in ("u", "y") else value for key, value in data.items()}
         np.savez(tmp_path / f"{name}.npz", **part)
-    found = tokid.json("identify", tmp_path / "training.npz", "-o", tmp_path / "model.npz")
+    # EM takes most of the time. Predictions of models with EM are tested in test_examples.py.
+    found = tokid.json("identify", tmp_path / "training.npz", "-o", tmp_path / "model.npz", "--no-refine")
     assert found["nominal"] is True and found["initial_state"] == "unknown"
     assert load(tmp_path / "model.npz")["y_nominal"].shape == (195, 4)
 

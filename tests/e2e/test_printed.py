@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 
 COLUMNS = 100
+STEPS = 30
 
 
 @pytest.fixture(scope="module")
 def folder(tokid, tmp_path_factory):
     """Noisy experiments, few and many, and their models. Relative names keep the lines independent of the machine."""
     path = tmp_path_factory.mktemp("printed")
-    noise = ["--steps", 40, "--measurement-noise", 0.1, "--process-noise", 0.01]
+    noise = ["--steps", STEPS, "--measurement-noise", 0.1, "--process-noise", 0.01]
     for name, count, seed in [("few", 8, 1), ("data", 60, 2), ("fresh", 20, 3)]:
         tokid("example", "oscillator", "-o", path / f"{name}.npz", "--experiments", count, "--seed", seed, *noise)
     tokid("identify", "data.npz", "-o", "model.npz", "--quiet", cwd=path)
@@ -26,7 +27,8 @@ def folder(tokid, tmp_path_factory):
 @pytest.fixture(scope="module")
 def printed(tokid, folder):
     """Runs a call in the folder once, whichever tests look at what it printed."""
-    return lru_cache(None)(lambda *call: tokid(*call, cwd=folder))
+    once = lru_cache(None)(lambda *call: tokid(*call, cwd=folder))
+    return lambda *call: once(*map(str, call))
 
 
 def rows(text):
@@ -65,8 +67,8 @@ def test_help_has_narrow_lines(tokid):
 
 CALLS = {
     "identify": ["identify", "data.npz", "-o", "other.npz"],
-    "identify few": ["identify", "few.npz", "-o", "other.npz"],
-    "identify held out": ["identify", "data.npz", "-o", "other.npz", "--hold-out", 0.2],
+    "identify few": ["identify", "few.npz", "-o", "of-few.npz"],
+    "identify held out": ["identify", "data.npz", "-o", "held-out.npz", "--hold-out", 0.2],
     "validate": ["validate", "model.npz", "fresh.npz", "--horizon", 5],
     "cross-validate": ["validate", "model.npz", "few.npz", "--cross-validate", 2],
     "info of data": ["info", "data.npz"],
@@ -100,15 +102,13 @@ def test_long_names_and_many_outputs_have_narrow_lines(tokid, tmp_path):
     assert len({line[15:55] for line in table}) == 5 and all("…" in line and "position" in line for line in table)
 
 
-@pytest.mark.parametrize("call", [["identify", "data.npz", "-o", "other.npz"],
-                                  ["identify", "few.npz", "-o", "other.npz"],
-                                  ["identify", "data.npz", "-o", "other.npz", "--hold-out", 0.2],
+@pytest.mark.parametrize("call", [CALLS["identify"], CALLS["identify few"], CALLS["identify held out"],
                                   ["validate", "model.npz", "fresh.npz"],
                                   ["validate", "model.npz", "data.npz"],
-                                  ["refine", "model.npz", "data.npz", "-o", "refined.npz", "--iterations", 2],
+                                  CALLS["refine"],
                                   ["refine", "model.npz", "data.npz", "-o", "refined.npz", "--iterations", 300]])
-def test_the_next_command_can_be_taken(tokid, folder, call):
-    words = next_command(tokid(*call, cwd=folder).stdout)
+def test_the_next_command_can_be_taken(tokid, folder, printed, call):
+    words = next_command(printed(*call).stdout)
     assert words[0] in ("identify", "plan", "validate", "report", "confidence", "refine")
     tokid(*words, cwd=folder)
 
@@ -182,12 +182,11 @@ def test_report_and_confidence_take_many_files(tokid, recordings):
     assert data[1] in message
 
 
-def test_one_verdict(tokid, folder):
+def test_one_verdict(tokid, folder, printed):
     """identify, validate and report give the same verdict on the same data, and the page shows it."""
     said = rows(tokid("identify", "data.npz", "-o", "other.npz", "--hold-out", 0.2, "--report", "own.html", "--verbose",
                       cwd=folder).stdout)["Verdict"]
-    assert said == rows(tokid("identify", "data.npz", "-o", "other.npz", "--hold-out", 0.2, "--verbose",
-                              cwd=folder).stdout)["Verdict"]
+    assert said == rows(printed(*CALLS["identify held out"], "--verbose").stdout)["Verdict"]
     assert said == rows(tokid("report", "other.npz", "data.npz", "-o", "page.html", cwd=folder).stdout)["Verdict"]
     assert said == rows(tokid("validate", "other.npz", "data.npz", "--verbose", cwd=folder).stdout)["Verdict"]
     status, *sentences = said.split("\n")
@@ -197,13 +196,13 @@ def test_one_verdict(tokid, folder):
 
 
 def test_more_experiments_are_next_where_they_are_few(printed):
-    text = printed("identify", "few.npz", "-o", "other.npz").stdout
+    text = printed(*CALLS["identify few"]).stdout
     assert rows(text)["Verdict"].startswith("look closer. ")
     assert next_command(text)[0] == "plan"
 
 
 def test_verbose_has_the_details(printed):
-    call = ["identify", "data.npz", "-o", "other.npz"]
+    call = CALLS["identify"]
     brief, verbose = printed(*call).stdout, printed(*call, "--verbose").stdout
     assert 2 * len(brief.splitlines()) <= len(verbose.splitlines())
     assert [*rows(brief)][-3:] == ["Written", "Verdict", "Next"]
@@ -213,13 +212,13 @@ def test_verbose_has_the_details(printed):
 
 
 def test_warnings_do_not_depend_on_verbosity(printed):
-    call = ["identify", "few.npz", "-o", "other.npz"]
+    call = CALLS["identify few"]
     said = [printed(*call, *more).stderr for more in ([], ["--verbose"], ["--quiet"])]
     assert said[0].startswith("tokid: warning: ") and said[0] == said[1] == said[2]
 
 
 def test_each_message_is_one_line_where_no_terminal_reads_it(printed):
-    call = ["identify", "few.npz", "-o", "other.npz"]
+    call = CALLS["identify few"]
     said = printed(*call).stderr.splitlines()
     warnings = json.loads(printed(*call, "--json").stdout)["warnings"]
     assert said == [f"tokid: warning: {text}" for text in warnings] and any(len(line) > 100 for line in said)
@@ -227,13 +226,13 @@ def test_each_message_is_one_line_where_no_terminal_reads_it(printed):
 
 @pytest.mark.parametrize(("motion", "options", "reference"), [
     (0, [], None),
-    (5 * np.sin(np.arange(40) / 4), ["--nominal", "mean"], "0 % is as good as the nominal trajectory of the model"),
+    (5 * np.sin(np.arange(STEPS) / 4), ["--nominal", "mean"], "0 % is as good as the nominal trajectory of the model"),
     (5, ["--period", 1, "--nominal", "mean"], "0 % is as good as the constant nominal outputs of the model"),
 ])
 def test_fits_state_their_reference(tokid, folder, tmp_path, motion, options, reference):
     with np.load(folder / "data.npz") as file:
         arrays = {name: file[name] for name in file.files}
-    arrays["y"] = arrays["y"] + np.broadcast_to(motion, 40)[:, None]
+    arrays["y"] = arrays["y"] + np.broadcast_to(motion, STEPS)[:, None]
     np.savez(tmp_path / "moved.npz", **arrays)
     tokid("identify", "moved.npz", "-o", "m.npz", "--lags", 2, "--states", 4, "--no-refine", *options, cwd=tmp_path)
     fits = rows(tokid("validate", "m.npz", "moved.npz", cwd=tmp_path).stdout)["Fit"].splitlines()
@@ -259,9 +258,9 @@ def unwrap(text):
     return " ".join(text.split())
 
 
-def test_numbers_have_three_digits(tokid, folder):
+def test_numbers_have_three_digits(printed):
     """Apart from whole numbers, and fits that would be rounded to 100 %."""
     for call in CALLS.values():
-        text = tokid(*call, cwd=folder).stdout
+        text = printed(*call).stdout
         for number in re.findall(r"(?<![\w.·])\d+\.\d+(?![\w.])", re.sub(r"(99\.9\d*| in [\d.]+ s)", "", text)):
             assert len(number.replace(".", "").lstrip("0")) <= 3, f"{call}: {number}"

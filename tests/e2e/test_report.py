@@ -34,17 +34,25 @@ def test_report_says_what_validate_says(tokid, oscillator, tmp_path):
         np.testing.assert_allclose(np.array(experiment["y"]).T, measured[n], **six_digits)
 
 
+NOISY = ["--steps", 40, "--process-noise", 0.05, "--measurement-noise", 0.1]
+
+
+@pytest.fixture(scope="module")
+def noisy_model(tokid, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("noisy")
+    tokid("example", "oscillator", "-o", folder / "data.npz", "--experiments", 60, *NOISY)
+    tokid("identify", folder / "data.npz", "-o", folder / "model.npz", "--states", 4)
+    return folder / "model.npz"
+
+
 @pytest.mark.parametrize("seed", [2, 3, 4])
-def test_page_and_validate_tell_one_number_of_each_test(tokid, tmp_path, seed):
-    noise = ["--steps", 40, "--process-noise", 0.05, "--measurement-noise", 0.1]
-    tokid("example", "oscillator", "-o", tmp_path / "data.npz", "--experiments", 60, *noise)
-    tokid("example", "oscillator", "-o", tmp_path / "fresh.npz", "--experiments", 200, "--seed", seed, *noise)
-    tokid("identify", tmp_path / "data.npz", "-o", tmp_path / "model.npz", "--states", 4)
-    verdict = tokid("report", tmp_path / "model.npz", tmp_path / "fresh.npz", "-o", tmp_path / "page.html").stdout
+def test_page_and_validate_tell_one_number_of_each_test(tokid, noisy_model, tmp_path, seed):
+    tokid("example", "oscillator", "-o", tmp_path / "fresh.npz", "--experiments", 200, "--seed", seed, *NOISY)
+    verdict = tokid("report", noisy_model, tmp_path / "fresh.npz", "-o", tmp_path / "page.html").stdout
     page = html.unescape((tmp_path / "page.html").read_text(encoding="utf-8")).replace("\xa0", " ").replace("\u2060", "")
-    told = tokid("validate", tmp_path / "model.npz", tmp_path / "fresh.npz", "--verbose").stdout
+    told = tokid("validate", noisy_model, tmp_path / "fresh.npz", "--verbose").stdout
     told, verdict = (re.sub(r"\n {15}(?! |- |Simulation)", " ", text) for text in (told, verdict))
-    found = tokid.json("validate", tmp_path / "model.npz", tmp_path / "fresh.npz")
+    found = tokid.json("validate", noisy_model, tmp_path / "fresh.npz")
     conclusions = found["conclusions"]
     assert data_of(tmp_path / "page.html")["conclusions"] == conclusions
     for row, key, p in (("Innovations", "nis", "nis_p"), ("Whiteness", "whiteness", "whiteness_p"),
@@ -387,7 +395,7 @@ def test_page_and_validate_have_the_same_errors_of_experiments(tokid, tmp_path):
 
 
 def test_page_of_an_identification_has_its_candidates(tokid, tmp_path):
-    tokid("example", "oscillator", "-o", tmp_path / "data.npz", "--experiments", 30, "--steps", 40,
+    tokid("example", "oscillator", "-o", tmp_path / "data.npz", "--experiments", 30, "--steps", 25,
           "--process-noise", 0.05, "--measurement-noise", 0.1)
     page = tmp_path / "page.html"
     found = tokid.json("identify", tmp_path / "data.npz", "-o", tmp_path / "model.npz", "--report", page)
@@ -489,10 +497,11 @@ def test_plotted_modes_are_those_of_the_tool(tokid, tmp_path, slow):
             y[:, k] = x @ C.T + 0.01 * rng.standard_normal((16, 2))
             x = x @ A.T + u[:, k] @ B.T
         np.savez(tmp_path / "data.npz", u=u, y=y, dt=0.05, initial_state="zero")
-        options = ["--states", 3, "--no-refine"]
+        options = ["--states", 3, "--lags", 4, "--no-refine"]
     else:
-        tokid("example", "oscillator", "-o", tmp_path / "data.npz", "--experiments", 30, "--measurement-noise", 0.01)
-        options = ["--states", 4, "--no-refine"]
+        tokid("example", "oscillator", "-o", tmp_path / "data.npz", "--experiments", 30, "--steps", 50,
+              "--measurement-noise", 0.01)
+        options = ["--states", 4, "--lags", 4, "--no-refine"]
     tokid("identify", tmp_path / "data.npz", "-o", tmp_path / "model.npz", *options)
     tokid("report", tmp_path / "model.npz", tmp_path / "data.npz", "-o", tmp_path / "page.html")
     shown, found = data_of(tmp_path / "page.html")["modes"], tokid.json("modes", tmp_path / "model.npz")
@@ -645,8 +654,8 @@ def test_bands_of_frozen_responses(tokid, tmp_path):
 
 def test_modes_of_periodic_models_are_drawn_at_all_steps(tokid, tmp_path):
     slow_system(tmp_path, tokid)
-    tokid("identify", tmp_path / "data.npz", "-o", tmp_path / "varying.npz", "--states", 3, "--no-refine",
-          "--smoothing", 100)
+    tokid("identify", tmp_path / "data.npz", "-o", tmp_path / "varying.npz", "--states", 3, "--lags", 4,
+          "--no-refine", "--smoothing", 100)
     page = tmp_path / "page.html"
     tokid("report", tmp_path / "varying.npz", tmp_path / "fresh.npz", "-o", page, "--compare", tmp_path / "model.npz",
           tmp_path / "varying.npz")
@@ -672,7 +681,8 @@ def test_models_are_compared_over_the_same_samples(tokid, oscillator, tmp_path):
     tokid("example", "oscillator", "-o", tmp_path / "data.npz", "--experiments", 40, *noise)
     tokid("example", "oscillator", "-o", tmp_path / "fresh.npz", "--experiments", 9, "--seed", 2, *noise)
     for name, states in (("a.npz", 4), ("b <i>.npz", 2)):
-        tokid("identify", tmp_path / "data.npz", "-o", tmp_path / name, "--states", states, "--no-refine")
+        tokid("identify", tmp_path / "data.npz", "-o", tmp_path / name, "--states", states, "--lags", 4,
+              "--smoothing", 1, "--no-refine")
     late = load(tmp_path / "a.npz")
     np.savez(tmp_path / "late.npz", k_begin=6, initial_state="zero", dt=late["dt"], state_dim=late["state_dim"][6:],
              **{key: late[key][6:] for key in "ABCDG"})

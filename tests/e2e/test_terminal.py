@@ -149,7 +149,7 @@ def test_full_device(tokid, oscillator):
 def long_work(tokid, tmp_path_factory):
     """Data that keep every machine busy for longer than the tenth of a second before the bar appears."""
     data = tmp_path_factory.mktemp("long") / "data.npz"
-    tokid("example", "oscillator", "-o", data, "--experiments", 150, "--steps", 150, "--measurement-noise", 0.1)
+    tokid("example", "oscillator", "-o", data, "--experiments", 80, "--steps", 100, "--measurement-noise", 0.1)
     return data
 
 
@@ -206,7 +206,7 @@ def test_progress_bar_in_a_terminal(tokid, tmp_path, long_work):
 
 def test_progress_names_stages_and_tells_of_the_first_model(tokid, tmp_path):
     data = tmp_path / "data.npz"
-    tokid("example", "oscillator", "-o", data, "--experiments", 200, "--steps", 600, "--process-noise", 0.02,
+    tokid("example", "oscillator", "-o", data, "--experiments", 100, "--steps", 300, "--process-noise", 0.02,
           "--measurement-noise", 0.05)
     terminal, end = pty.openpty()
     with subprocess.Popen([tokid.executable, "identify", str(data), "-o", str(tmp_path / "model.npz")],

@@ -15,6 +15,13 @@ import pytest
 from support import markov
 
 
+def copied(made, folder):
+    """What several tests begin with, in the folder of one: states and models are changed there."""
+    for file in made.iterdir():
+        shutil.copy(file, folder)
+    return folder
+
+
 @pytest.fixture
 def campaign(tokid, tmp_path):
     """60 experiments, and the same as 40 and 20; the 20 as 12 and 8, too."""
@@ -40,13 +47,20 @@ def test_the_model_is_that_of_all_experiments(tokid, campaign, extension):
     assert min(fit["simulation_fit"]) > 99.9999
 
 
-@pytest.fixture
-def noisy(tokid, tmp_path):
-    """Two campaigns with noise, of which EM wants another start than what is best without it."""
+@pytest.fixture(scope="module")
+def noisy_files(tokid, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("noisy")
     for name, seed in ("first", 1), ("later", 2):
-        tokid("example", "oscillator", "-o", tmp_path / f"{name}.npz", "--experiments", 40, "--steps", 60, "--seed", seed,
+        tokid("example", "oscillator", "-o", folder / f"{name}.npz", "--experiments", 40, "--steps", 60, "--seed", seed,
               "--measurement-noise", 0.05, "--process-noise", 0.01)
-    return tmp_path
+    tokid("identify", folder / "first.npz", "-o", folder / "model.npz", "--state", folder / "state.h5", "--no-refine")
+    return folder
+
+
+@pytest.fixture
+def noisy(noisy_files, tmp_path):
+    """Two campaigns with noise, of which EM wants another start than what is best without it, and the state of one."""
+    return copied(noisy_files, tmp_path)
 
 
 @pytest.mark.parametrize("few", [False, True])
@@ -68,7 +82,6 @@ def test_a_state_is_not_bent_to_what_refines(tokid, noisy, few):
 
 
 def test_experiments_of_another_system_are_told(tokid, noisy):
-    tokid("identify", noisy / "first.npz", "-o", noisy / "model.npz", "--state", noisy / "state.h5", "--no-refine")
     shutil.copy(noisy / "state.h5", noisy / "other.h5")
     assert tokid.json("update", noisy / "state.h5", noisy / "later.npz")["warnings"] == []
     values = dict(np.load(noisy / "later.npz"))
@@ -82,7 +95,6 @@ def test_experiments_of_another_system_are_told(tokid, noisy):
 
 @pytest.mark.parametrize("value", [0.0, 3.0])
 def test_an_output_that_rests_in_new_experiments_is_told(tokid, noisy, value):
-    tokid("identify", noisy / "first.npz", "-o", noisy / "model.npz", "--state", noisy / "state.h5", "--no-refine")
     values = dict(np.load(noisy / "later.npz"))
     values["y"][:, :, 1] = value
     np.savez(noisy / "later.npz", **values)
@@ -265,16 +277,20 @@ def test_damaged_states_are_refused(tokid, campaign):
 
 # Concurrent updates
 
+@pytest.fixture(scope="module")
+def rounds_files(tokid, tmp_path_factory):
+    folder, sizes = tmp_path_factory.mktemp("rounds"), ["--steps", 40, "--measurement-noise", 0.02]
+    tokid("example", "oscillator", "-o", folder / "first.npz", "--experiments", 60, "--seed", 1, *sizes)
+    tokid("identify", folder / "first.npz", "-o", folder / "model.npz", "--state", folder / "state.h5", "--no-refine")
+    for i in range(6):
+        tokid("example", "oscillator", "-o", folder / f"part{i}.npz", "--experiments", 40, "--seed", 10 + i, *sizes)
+    return folder
+
+
 @pytest.fixture
-def rounds(tokid, tmp_path):
+def rounds(rounds_files, tmp_path):
     """60 experiments that a state is made of, and six files of 40 others each."""
-    sizes = ["--steps", 40, "--measurement-noise", 0.02]
-    tokid("example", "oscillator", "-o", tmp_path / "first.npz", "--experiments", 60, "--seed", 1, *sizes)
-    tokid("identify", tmp_path / "first.npz", "-o", tmp_path / "model.npz", "--state", tmp_path / "state.h5", "--no-refine")
-    parts = [tmp_path / f"part{i}.npz" for i in range(6)]
-    for i, part in enumerate(parts):
-        tokid("example", "oscillator", "-o", part, "--experiments", 40, "--seed", 10 + i, *sizes)
-    return tmp_path, parts
+    return copied(rounds_files, tmp_path), [tmp_path / f"part{i}.npz" for i in range(6)]
 
 
 def update_at_once(tokid, state, parts, *options):
@@ -366,7 +382,8 @@ def test_identify_does_not_replace_a_state_that_is_updated(tokid, held):
     folder, parts, holder = held
     before = (folder / "state.h5").read_bytes()
     call = subprocess.Popen([tokid.executable, "identify", str(parts[0]), "-o", str(folder / "new.npz"), "--state",
-                             str(folder / "state.h5"), "--no-refine", "--quiet"], stderr=subprocess.PIPE, text=True)
+                             str(folder / "state.h5"), "--states", "4", "--lags", "2", "--no-refine", "--quiet"],
+                            stderr=subprocess.PIPE, text=True)
     assert "process 17 on rig has locked the file; waiting" in call.stderr.readline()
     assert (folder / "state.h5").read_bytes() == before and not (folder / "new.npz").exists()
     holder.kill()
