@@ -26,6 +26,9 @@ constexpr std::pair<Index, Index> latent_sizes[] = {{1, 1}, {2, 1}, {3, 4}, {6, 
 // Condition of S for roots with singular values of at least 1/4, and H of norm ‖H‖.
 double condition_of(const Matrix& h) { return 16 * (1 + h.squaredNorm()); }
 
+// Eigen divides by zero here.
+TEST(KalmanStep, NoRowsAreTheRootOfZero) { EXPECT_EQ(kalman::covariance_of(Matrix(0, 60)), Matrix::Zero(60, 60)); }
+
 TEST(KalmanStep, CorrectionIsTheSchurComplement) {
   Random random(1);
   kalman::Workspace work;

@@ -8,6 +8,7 @@
 
 #include "base/statistics.hpp"
 #include "data/channel_sizes.hpp"
+#include "linalg/symmetric.hpp"
 
 namespace tokid {
 
@@ -43,7 +44,7 @@ WindowProducts window_products(const Ensemble& e, Index lags) {
         ++result.rows;
       else
         rows.row(n).setZero();
-    result.all.selfadjointView<Eigen::Lower>().rankUpdate(rows.transpose());
+    linalg::add_squares(rows, result.all);
   }
   result.all.triangularView<Eigen::StrictlyUpper>() = result.all.transpose();
   return result;

@@ -9,6 +9,7 @@
 #include "base/statistics.hpp"
 #include "choose/folds.hpp"
 #include "data/channel_sizes.hpp"
+#include "linalg/symmetric.hpp"
 #include "tokid/smooth_arx.hpp"
 
 namespace tokid {
@@ -51,7 +52,7 @@ class Products {
         const Index from = begin + s * (e.steps() - begin) / stretches,
                     to = begin + (s + 1) * (e.steps() - begin) / stretches;
         fill(e, i * e.experiments() / fewer, from, to, rows);
-        products_[size_t(s * folds + i % folds)].selfadjointView<Eigen::Lower>().rankUpdate(rows.transpose());
+        linalg::add_squares(rows, products_[size_t(s * folds + i % folds)]);
       }
     for (Matrix& product : products_) product.triangularView<Eigen::StrictlyUpper>() = product.transpose();
   }

@@ -9,6 +9,11 @@ namespace tokid::linalg {
 // (A + Aᵀ)/2, in place.
 void symmetrise(Matrix& a);
 
+// Adds XᵀX to the lower triangle of the sum. Eigen divides by zero if X has no rows and many columns.
+inline void add_squares(const Matrix& x, Matrix& sum) {
+  if (x.rows() > 0) sum.selfadjointView<Eigen::Lower>().rankUpdate(x.transpose());
+}
+
 // W (n × n, lower triangular) with W·S·Wᵀ = I; returns log det S. A direction whose variance is zero, or a rounding
 // error, has a zero row in W and does not count in the determinant. Wᵀ·W is then a generalised inverse of S.
 double inverse_root(const Matrix& s, Matrix& w);

@@ -61,7 +61,7 @@ Matrix next_root(const Matrix& rest, const Matrix& noise) {
 
 Matrix covariance_of(const Matrix& root) {
   Matrix product = Matrix::Zero(root.cols(), root.cols());
-  product.selfadjointView<Eigen::Lower>().rankUpdate(root.transpose());
+  linalg::add_squares(root, product);
   product.triangularView<Eigen::StrictlyUpper>() = product.transpose();
   return product;
 }
