@@ -92,9 +92,7 @@ TEST(Rivals, SeeInputsBeyondTheLagsOfTheChoice) {
   SmoothingOptions o;
   o.lags = {1, 2, 4, 8, 12, 16, 24};
   const RegressionErrors errors(late(24, 3, 0.1), o, 3);
-  std::vector<Squares> blind;
-  for (const Index f : {0, 1, 2}) blind.push_back(errors.squares(f, 2, 100.0));
-  const std::optional<Rival> rival = better_rival({o, 2, 100.0, 12}, errors, blind);
+  const std::optional<Rival> rival = better_rival({o, 2, 100.0, 12}, errors, errors.squares(0, 3, 2, 100.0));
   ASSERT_TRUE(rival);
   EXPECT_GE(rival->lags, 16);
 }
@@ -103,12 +101,9 @@ TEST(Rivals, NeedToPredictClearlyBetter) {
   SmoothingOptions o;
   o.lags = {1, 2, 4, 8};
   const RegressionErrors errors(late(24, 3, 0.1), o, 3);
-  std::vector<Squares> as_good, hopeless;
-  for (const Index f : {0, 1, 2}) {
-    as_good.push_back(errors.squares(f, 8, std::numeric_limits<double>::infinity()));
-    hopeless.push_back(as_good.back());
-    hopeless.back().errors *= 1e-4;
-  }
+  const std::vector<Squares> as_good = errors.squares(0, 3, 8, std::numeric_limits<double>::infinity());
+  std::vector<Squares> hopeless = as_good;
+  for (Squares& fold : hopeless) fold.errors *= 1e-4;
   EXPECT_FALSE(better_rival({o, 2, 100.0, 4}, errors, as_good));
   EXPECT_FALSE(better_rival({o, 2, 100.0, 4}, errors, hopeless));
 }

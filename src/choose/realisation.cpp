@@ -347,15 +347,15 @@ void realise_by_folds(const Ensemble& data, const Selection& selected, Regressed
                       const IdentifyOptions& options, const BeforeEm& before_em, Realised& result) {
   const StageShares shares = shares_of(WorkStage::em, course_of(options));
   SearchProgress work(options.execution, shares.from, shares.to);
-  const std::optional<Rivals>& rivals = regression.rivals;
+  const std::optional<Rivals> rivals = regression.rivals;
   std::optional<RegressionErrors> errors;
   if (rivals) errors.emplace(*selected.samples, rivals->options, Folds::most_refined);
   const Ahead* ahead = errors ? &errors->ahead() : nullptr;
   ChosenByFolds chosen = chosen_by_folds(data, selected, result.plan, regression.arx, ahead, options, before_em, work);
-  std::optional<Rival> rival;
-  if (!chosen.squares.empty()) rival = better_rival(*rivals, *errors, chosen.squares);
-  if (rival) {
-    try {
+  try {
+    const std::optional<Rival> rival =
+        chosen.squares.empty() ? std::nullopt : better_rival(*rivals, *errors, chosen.squares);
+    if (rival) {
       Regressed other = regressed_as(*rival, data, selected, regression, options);
       ChosenByFolds by_other =
           chosen_by_folds(data, selected, as_asked(data, other.plan, options), other.arx, ahead, options, {}, work);
@@ -365,9 +365,9 @@ void realise_by_folds(const Ensemble& data, const Selection& selected, Regressed
         regression = std::move(other);
         result.instead = true;
       }
-    } catch (const std::runtime_error&) {  // the first choice stays if the samples do not suffice for the rival
-    } catch (const std::invalid_argument&) {
     }
+  } catch (const std::runtime_error&) {  // the first choice stays if the samples do not suffice for the rival
+  } catch (const std::invalid_argument&) {
   }
   realise_by_folds(data, selected, regression.arx, std::move(chosen), options, work, result);
 }

@@ -48,18 +48,25 @@ RegressionErrors::RegressionErrors(const Ensemble& e, const SmoothingOptions& o,
   for (Index f = 0; f < std::min(held_out, folds); ++f) parts_.push_back(fold(e, f, folds, o.centred));
 }
 
-Squares RegressionErrors::squares(Index f, Index lags, double smoothing, const std::vector<Index>& jumps) const {
+std::vector<Squares> RegressionErrors::squares(Index begin, Index end, Index lags, double smoothing,
+                                               const std::vector<Index>& jumps) const {
   SmoothArxOptions o{lags, options_.initial_state, options_.feedthrough};
   if (std::isinf(smoothing))
     o.variation.period = 1;
   else
     o.variation = {smoothing, 0, jumps};
-  const auto& [training, held_out, rows] = parts_[size_t(f)];
-  const GtvArx arx = smooth_arx(training, o);
-  Squares result(held_out.experiments(), Index(ahead_.horizons.size()) * weights_.size());
-  Predictions predictions(held_out, arx, ahead_.horizons);
-  for (Index s = ahead_.from; s < held_out.steps(); ++s)
-    predictions.add(s, ahead_.all_begin(s, held_out.steps()) ? ahead_.horizons.back() : 1, result);
+  std::vector<Squares> result(size_t(std::max<Index>(0, end - begin)));
+  parallel_for(begin, end, {options_.execution.threads, {}}, [&](Index from, Index to) {
+    for (Index f = from; f < to; ++f) {
+      const Ensemble& held_out = parts_[size_t(f)].held_out;
+      const GtvArx arx = smooth_arx(parts_[size_t(f)].training, o);
+      Squares& own = result[size_t(f - begin)] =
+          Squares(held_out.experiments(), Index(ahead_.horizons.size()) * weights_.size());
+      Predictions predictions(held_out, arx, ahead_.horizons);
+      for (Index s = ahead_.from; s < held_out.steps(); ++s)
+        predictions.add(s, ahead_.all_begin(s, held_out.steps()) ? ahead_.horizons.back() : 1, own);
+    }
+  });
   return result;
 }
 
@@ -68,11 +75,7 @@ HeldOutError RegressionErrors::error_of(const std::vector<Squares>& folds) const
 }
 
 RegressionErrors::Found RegressionErrors::found(Index lags, double smoothing, const std::vector<Index>& jumps) const {
-  std::vector<Squares> of_folds(parts_.size());
-  parallel_for(0, Index(parts_.size()), {options_.execution.threads, {}}, [&](Index begin, Index end) {
-    for (Index f = begin; f < end; ++f) of_folds[size_t(f)] = squares(f, lags, smoothing, jumps);
-  });
-  return {lags, smoothing, error_of(of_folds)};
+  return {lags, smoothing, error_of(squares(0, Index(parts_.size()), lags, smoothing, jumps))};
 }
 
 }  // namespace tokid

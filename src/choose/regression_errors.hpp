@@ -16,8 +16,10 @@ class RegressionErrors {
   RegressionErrors(const Ensemble& ensemble, const SmoothingOptions& options, Index held_out,
                    std::vector<Index> horizons = {1, 5, 20});
 
-  // Of the predictions of the experiments that fold f holds out. `smoothing`: infinite for one model for all steps
-  Squares squares(Index f, Index lags, double smoothing, const std::vector<Index>& jumps = {}) const;
+  // Of the predictions of the experiments that the folds begin … end-1 hold out. `smoothing`: infinite for one model
+  // for all steps
+  std::vector<Squares> squares(Index begin, Index end, Index lags, double smoothing,
+                               const std::vector<Index>& jumps = {}) const;
   HeldOutError error_of(const std::vector<Squares>& folds) const;
 
   struct Found {

@@ -19,16 +19,17 @@ constexpr double slow[] = {1e3, 316.0, 100.0};
 class Race {
  public:
   Race(const RegressionErrors& errors, const std::vector<Squares>& of_models)
-      : errors_(errors), of_models_(of_models), models_(errors.error_of(of_models)) {}
+      : errors_(errors),
+        models_(errors.error_of(of_models)),
+        models_in_first_(errors.error_of({of_models.front()})),
+        folds_(Index(of_models.size())) {}
 
   // Is it worth trying the next regression of the same kind?
   bool go_on(Index lags, double smoothing) {
-    std::vector<Squares> own;
-    for (size_t f = 0; f < of_models_.size(); ++f) {
-      own.push_back(errors_.squares(Index(f), lags, smoothing));
-      if (f + 1 < of_models_.size() && hopeless(own)) return ++hopeless_ < 2;
-    }
+    std::vector<Squares> own = errors_.squares(0, 1, lags, smoothing);
+    if (hopeless(errors_.error_of(own))) return ++hopeless_ < 2;
     hopeless_ = 0;
+    for (Squares& squares : errors_.squares(1, folds_, lags, smoothing)) own.push_back(std::move(squares));
     HeldOutError found = errors_.error_of(own);
     const bool smaller = !best_ || found.value < best_->second.value;
     if (smaller) best_.emplace(Rival{lags, smoothing}, std::move(found));
@@ -44,18 +45,17 @@ class Race {
   }
 
  private:
-  // Do the first folds exclude that the regression predicts as well as the models?
-  bool hopeless(const std::vector<Squares>& own) const {
+  // Does the first fold exclude that the regression predicts as well as the models?
+  bool hopeless(const HeldOutError& in_first) const {
     constexpr double probability = 1e-3;  // of giving up a regression that predicts as well
-    const HeldOutError found = errors_.error_of(own),
-                       other = errors_.error_of({of_models_.begin(), of_models_.begin() + std::ptrdiff_t(own.size())});
-    const double freedom = double(found.influence.size()) - 1.0;
-    return freedom > 0 && clearly_smaller(other, found, statistics::student_quantile(1 - probability, freedom));
+    const double freedom = double(in_first.influence.size()) - 1.0;
+    return freedom > 0 &&
+           clearly_smaller(models_in_first_, in_first, statistics::student_quantile(1 - probability, freedom));
   }
 
   const RegressionErrors& errors_;
-  const std::vector<Squares>& of_models_;
-  HeldOutError models_;
+  HeldOutError models_, models_in_first_;
+  Index folds_;
   std::optional<std::pair<Rival, HeldOutError>> best_;
   int hopeless_ = 0;  // of the last regressions of this kind
 };

@@ -24,8 +24,8 @@ struct Rival {
 };
 
 // `errors`: of regressions with these options. `of_models`: for each fold of the errors. A regression is given up after
-// the first folds if they leave it no chance, and larger orders after two such regressions. Without a value if no
-// regression predicts better by two standard errors.
+// the first fold if that leaves it no chance, and the next ones of its kind after two such regressions. Without a value
+// if no regression predicts better by two standard errors.
 std::optional<Rival> better_rival(const Rivals& rivals, const RegressionErrors& errors,
                                   const std::vector<Squares>& of_models);
 

@@ -326,10 +326,12 @@ SmoothingChoice choose_smoothing(const Ensemble& ensemble, const SmoothingOption
       if (error(lag, w) * clearly_better < error(lag, weight)) weight = w;
     if (weight >= usual) weight = descend(weight, usual, Index(weights.size()), of_weight);
     lag = descend(lag, 0, Index(options.lags.size()), [&](Index p) { return error(p, weight); });
-    // Beyond two successive rises, larger orders have too many coefficients, and take the most time.
+    // If each step has its own coefficients, the largest orders take the most time. They are left out after two
+    // successive rises.
     for (Index p = 0, rises = 0; p < Index(options.lags.size()) && rises < 2; ++p) {
       if (error(p, weight) * clearly_better < error(lag, weight)) lag = p;
-      if (p > lag) rises = error(p, weight) > error(p - 1, weight) ? rises + 1 : 0;
+      const bool rose = p > lag && options.period == 0 && error(p, weight) > error(p - 1, weight);
+      rises = rose ? rises + 1 : 0;
     }
     moved = weight != weight_before || lag != lag_before;
   }
