@@ -116,11 +116,12 @@ TEST(InputDelays, MakeAModelOfFewStates) {
 TEST(InputDelays, MayBeStated) {
   const Ensemble data = plant(40, 120, {14}, 0.1, 4);
   // The states of the plant then hold two more inputs.
-  const auto with = [&](std::vector<Index> delays, std::optional<Index> states) {
+  const auto with = [&](std::vector<Index> delays, Index states) {
     return identify(data, {.states = states, .lags = 4, .smoothing = 100.0, .delays = delays, .refine = false});
   };
   EXPECT_EQ(with({12}, 16).plan.choices.delays, std::vector<Index>{12});
-  EXPECT_TRUE(with({}, {}).plan.choices.delays.empty());
+  const Identification none = identify(data, {.smoothing = 100.0, .delays = std::vector<Index>{}, .refine = false});
+  EXPECT_TRUE(none.plan.choices.delays.empty());
   EXPECT_EQ(with({14}, 16).model.states(), 16);
   EXPECT_THROW(identify(data, {.delays = std::vector<Index>{1, 2}}), std::invalid_argument);
   EXPECT_THROW(identify(data, {.delays = std::vector<Index>{120}}), std::invalid_argument);

@@ -248,6 +248,15 @@ TEST(Verdict, LooksCloserAtEffectsThatAreALittleWrong) {
   EXPECT_EQ(check_of(verdict(wrong, noisy(60, 5)), "gains").result, Trust::look_closer);
 }
 
+// Here the noise would not make the simulation of an exact model bad.
+TEST(Verdict, DoesNotTrustAWrongSimulation) {
+  const ExperimentOptions options{.experiments = 20, .seed = 8, .measurement_noise = 0.01};
+  Model wrong = with_noise(oscillator(40), options);
+  const Ensemble data = experiments(wrong, options);
+  for (Step& step : wrong.step) step.B() = -step.B();
+  EXPECT_EQ(check_of(verdict(wrong, data), "simulation_fit").result, Trust::distrust);
+}
+
 // Both models predict well all the same.
 TEST(Verdict, ReadsTheInnovations) {
   const ExperimentOptions options{.experiments = 40, .seed = 8, .process_noise = 0.02, .measurement_noise = 0.05};
@@ -723,12 +732,13 @@ TEST(Verdict, DoesNotPassWhatItCannotTest) {
 }
 
 TEST(Verdict, TakesTheLargestErrorOfOneLongRecordForChance) {
-  Model model = constant_system({2, 1, 1}, 4000, 0.5, 3);
+  Model model = constant_system({2, 1, 2}, 4000, 0.5, 3);
   model.period = 1;
   for (Step& step : model.step) step.G().setZero();
   const Ensemble rest = random_experiments(model, 1, 4);
   for (const unsigned seed : {11, 12, 13}) {
     Ensemble data = with_noise(rest, 0.1, seed);
+    for (Index k = 0; k < 4000; ++k) data.output(k).col(1) = rest.output(k).col(1);  // without noise
     EXPECT_EQ(check_of(verdict(model, data), "error_peaks").result, Trust::good);
     data.output(2000).array() += 2.0;
     EXPECT_EQ(check_of(verdict(model, data), "error_peaks").result, Trust::look_closer);

@@ -21,6 +21,7 @@ inline constexpr double error_floor = 0.05;       // … and relative to the spr
 inline constexpr double error_stated = 2.0;       // … and relative to the error that the model states for the step
 inline constexpr double beyond_noise = 5.0;       // one-step error relative to the identification at this step
 inline constexpr double coverage = 0.9;           // least share of the model's steps that the data test
+inline constexpr double false_effect = 0.5;       // error of the effect of an input beyond its interval
 inline constexpr double chance = 0.01;  // expected number of steps with a weak input, or with an error peak, by chance
 inline constexpr double many_missing = 0.1;   // share of all samples
 inline constexpr Index training_samples = 3;  // experiments per unknown, if these test the model

@@ -300,11 +300,10 @@ void add_gains(VerdictCheck& check, const Conclusion& c, const InputGains& gains
   if (c.reason == Reason::gains_confirmed) check.numbers["interval"] = c.numbers.at("interval");
 }
 
-// Is the effect of an input wrong by more than half of it, also at the end of its interval?
+// Does the effect of an input differ by so much from that of the model, also at the end of its interval?
 bool has_false_effect(const Conclusion& c) {
-  constexpr double half = 0.5;
   for (size_t i = 0; c.reason == Reason::gains_wrong && i < c.channels.size(); ++i)
-    if (std::abs(c.errors[i]) - c.intervals[i] > half) return true;
+    if (std::abs(c.errors[i]) - c.intervals[i] > bounds::false_effect) return true;
   return false;
 }
 

@@ -172,13 +172,24 @@ double stated_error(const Model& model, const Vector& spread, Index k) {
   return std::sqrt((variance.array() / spread.array().square()).mean());
 }
 
-// The RMS of so many normally distributed errors, relative to the median RMS, that the largest of all steps exceeds by
-// chance in few data sets.
-double largest_by_chance(Index errors, Index steps) {
+// The RMS of normally distributed errors, relative to the median RMS, that the largest of all steps exceeds by chance
+// in few data sets. `freedom`: number of errors of a step that are alike.
+double largest_by_chance(double freedom, Index steps) {
   constexpr double many = 1e9;  // degrees of freedom: F is then χ² divided by its own
-  const double freedom = double(std::max<Index>(1, errors));
   return std::sqrt(statistics::f_quantile(1 - bounds::chance / double(steps), freedom, many) /
                    statistics::f_quantile(0.5, freedom, many));
+}
+
+// The number of outputs that have as much influence on the RMS error over the outputs as if they were alike.
+double alike_outputs(const Prediction& prediction, const Vector& spread) {
+  Vector square = Vector::Zero(spread.size());
+  for (const Matrix& innovations : prediction.innovations)
+    square += innovations.array().isFinite().select(innovations, 0.0).colwise().squaredNorm().transpose();
+  square = (spread.array() > 0).select(square.cwiseQuotient(spread.cwiseAbs2()), 0.0).eval();
+  const double largest = square.size() > 0 ? square.maxCoeff() : 0.0;
+  if (!(largest > 0) || !std::isfinite(largest)) return 1.0;
+  square /= largest;
+  return square.sum() * square.sum() / square.squaredNorm();
 }
 
 // Finds the steps from `first_step` on with unusually large errors, which a mean over all samples hides, and the steps
@@ -186,7 +197,8 @@ double largest_by_chance(Index errors, Index steps) {
 void assess_errors(const Model& model, const Ensemble& data, const Vector& spread, Index first_step, Evidence& found) {
   const double usual = finite_median(found.step_error);
   const Index freedom = found.samples - found.unknowns;
-  std::map<Index, double> multiple;  // of the usual error that is unusual, for each number of errors
+  const double alike = alike_outputs(found.prediction, spread);
+  std::map<Index, double> multiple;  // of the usual error that is unusual, for each number of experiments
   found.step_excess.assign(size_t(data.steps()), nan);
   found.noise_excess = found.step_excess;
   // A step of a periodic model is tested where any step of its phase is tested.
@@ -203,9 +215,10 @@ void assess_errors(const Model& model, const Ensemble& data, const Vector& sprea
     }
     // With unknown initial states, errors are larger at the first steps. The covariance that the model states may
     // contain this.
-    const Index errors = found.prediction.innovations[size_t(k)].array().isFinite().count();
-    double& unusual = multiple.try_emplace(errors, 0.0).first->second;
-    if (unusual == 0.0) unusual = std::max(bounds::error_peak, largest_by_chance(errors, data.steps()));
+    const Index experiments = found.prediction.innovations[size_t(k)].array().isFinite().rowwise().any().count();
+    const auto [own, is_new] = multiple.try_emplace(experiments, bounds::error_peak);
+    if (is_new) own->second = std::max(own->second, largest_by_chance(double(experiments) * alike, data.steps()));
+    const double unusual = own->second;
     found.step_excess[size_t(k)] =
         error / std::max({bounds::error_floor, unusual * usual, bounds::error_stated * stated_error(model, spread, k)});
     if (found.step_excess[size_t(k)] > 1) found.error_peaks.push_back(k);

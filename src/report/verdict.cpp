@@ -385,10 +385,11 @@ class Assessment {
     if (const auto step = largest(found_.step_excess)) result.numbers["step"] = double(*step);
     if (few_errors(result, found_.step_excess)) return result;
     if (!result.kept())
-      against(result, Trust::look_closer,
-              fmt::format("One-step errors at {} are more than {:.0f} times the median error of all steps, and not by "
-                          "chance.",
-                          step_list(found_.error_peaks), bounds::error_peak));
+      against(
+          result, Trust::look_closer,
+          fmt::format("One-step errors at {} are more than {:.0f} times the median error of all steps, more than by "
+                      "chance.",
+                      step_list(found_.error_peaks), bounds::error_peak));
     return result;
   }
 
