@@ -240,18 +240,16 @@ void choose_variation(const Ensemble& data, const Ensemble& selection, const Ide
 
 // The regressions that choose_variation() does not reach.
 std::optional<Rivals> rivals_beside(const Ensemble& data, const Ensemble& selection, IdentifyOptions options,
-                                    SmoothingOptions o, const SmoothingChoice& choice, const Plan& plan) {
+                                    SmoothingOptions o, const Plan& plan) {
   const TimeVariation& variation = plan.choices.variation;
   if (options.period > 0 || options.smoothing || options.lags || options.states || options.choices || options.jumps ||
       !variation.jumps.empty() || selection.experiments() < 2)
     return std::nullopt;
+  const bool starts_em = options.refine.value_or(true);
   options.refine = false;
   o.lags = lag_candidates(selection, data, plan.nominal, o.initial_state, 0, options);
-  Index reached = 0;
-  for (const SmoothingTrial& trial : choice.trials)
-    if (std::isfinite(trial.smoothing)) reached = std::max(reached, trial.lags);
   return Rivals{o, plan.lags, variation.period == 1 ? std::numeric_limits<double>::infinity() : variation.smoothing,
-                reached};
+                starts_em ? enough_for_em : o.lags.back()};
 }
 
 // One regression couples all steps. `known`: the decision about the initial state, if there is one.
@@ -294,7 +292,7 @@ Regressed coupled(const Ensemble& data, const Selection& selected, const Plan& s
       steps.push_back(jump.step);
     }
   }
-  result.rivals = rivals_beside(data, selection, options, o, result.smoothing_choice, plan);
+  result.rivals = rivals_beside(data, selection, options, o, plan);
 
   const Index whole = checked_windows(data, plan), unknowns = unknowns_of(data, plan.lags, plan.feedthrough.present);
   if (whole < 2 * unknowns)
