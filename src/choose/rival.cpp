@@ -24,18 +24,26 @@ class Race {
         models_in_first_(errors.error_of({of_models.front()})),
         folds_(Index(of_models.size())) {}
 
-  // Is it worth trying the next regression of the same kind?
-  bool go_on(Index lags, double smoothing) {
+  // Does this regression predict better than those before?
+  bool leads(Index lags, double smoothing) {
     std::vector<Squares> own = errors_.squares(0, 1, lags, smoothing);
-    if (hopeless(errors_.error_of(own))) return ++hopeless_ < 2;
+    if (hopeless(errors_.error_of(own))) {
+      ++hopeless_;
+      return false;
+    }
     hopeless_ = 0;
     for (Squares& squares : errors_.squares(1, folds_, lags, smoothing)) own.push_back(std::move(squares));
     HeldOutError found = errors_.error_of(own);
     const bool smaller = !best_ || found.value < best_->second.value;
     if (smaller) best_.emplace(Rival{lags, smoothing}, std::move(found));
-    return true;
+    return smaller;
   }
-  void next_kind() { hopeless_ = 0; }
+  // The orders from `least` on, until two in succession are hopeless.
+  void run(const std::vector<Index>& orders, Index least, double smoothing) {
+    hopeless_ = 0;
+    for (const Index p : orders)
+      if (p >= least && hopeless_ < 2) leads(p, smoothing);
+  }
 
   std::optional<Rival> winner() const {
     // A regression and EM often predict alike, and a second search takes much time.
@@ -57,7 +65,7 @@ class Race {
   HeldOutError models_, models_in_first_;
   Index folds_;
   std::optional<std::pair<Rival, HeldOutError>> best_;
-  int hopeless_ = 0;  // of the last regressions of this kind
+  int hopeless_ = 0;  // number of the last regressions that were
 };
 
 }  // namespace
@@ -65,17 +73,13 @@ class Race {
 std::optional<Rival> better_rival(const Rivals& rivals, const RegressionErrors& errors,
                                   const std::vector<Squares>& of_models) {
   const std::vector<Index>& orders = rivals.options.lags;
-  const auto beyond = [&](Index least) {
-    return std::find_if(orders.begin(), orders.end(), [&](Index p) { return p >= least; });
-  };
   Race race(errors, of_models);
   if (std::isinf(rivals.smoothing)) {
     for (const double slower : slow)
-      if (!race.go_on(std::min(rivals.lags, orders.back()), slower)) break;
+      if (!race.leads(std::min(rivals.lags, orders.back()), slower)) break;
   } else {
-    for (auto p = beyond(rivals.lags); p != orders.end() && race.go_on(*p, all_alike); ++p) continue;
-    race.next_kind();
-    for (auto p = beyond(rivals.reached + 1); p != orders.end() && race.go_on(*p, rivals.smoothing); ++p) continue;
+    race.run(orders, rivals.lags, all_alike);
+    race.run(orders, rivals.reached + 1, rivals.smoothing);
   }
   return race.winner();
 }
