@@ -52,11 +52,17 @@ def grid(states):
     return {name: [str(word) for word in words] for name, words in chosen.items()}
 
 
+def data_of(cell, condition, truth, nonlinear=True):
+    """Inputs (N, T, r) and outputs (N, T, m) of the experiments of a cell, in the units of the plant."""
+    u, y, _ = experiments(truth, condition.experiments, crc32(cell.encode()), nonlinear)
+    return u.transpose(1, 0, 2), y.transpose(1, 0, 2)
+
+
 def make_data(cell, condition, truth, path, nonlinear=True):
     """Write the experiments of a cell, in the units of its data. Returns the factors from the units of the plant."""
-    u, y, _ = experiments(truth, condition.experiments, crc32(cell.encode()), nonlinear)
+    u, y = data_of(cell, condition, truth, nonlinear)
     u_scale, y_scale = scales(cell, condition, u.shape[2], y.shape[2])
-    np.savez(path, u=(u * u_scale).transpose(1, 0, 2), y=(y * y_scale).transpose(1, 0, 2), dt=truth.plant.dt)
+    np.savez(path, u=u * u_scale, y=y * y_scale, dt=truth.plant.dt)
     return u_scale, y_scale
 
 
@@ -73,10 +79,10 @@ def chosen_by(report):
 
 def measure_rival(line, cell, truth, condition):
     """The line of one cell with a regression."""
-    u, y, _ = experiments(truth, condition.experiments, crc32(cell.encode()), nonlinear=True)
+    u, y = data_of(cell, condition, truth)
     begin = time.process_time()
     try:
-        model, nominal, options = rival(line["options"], u.transpose(1, 0, 2), y.transpose(1, 0, 2))
+        model, nominal, options = rival(line["options"], u, y)
     except np.linalg.LinAlgError as error:
         return {**line, "error": str(error)}
     line.update(options, seconds=round(time.process_time() - begin, 2))

@@ -22,10 +22,10 @@ inline constexpr double error_stated = 2.0;       // … and relative to the err
 inline constexpr double beyond_noise = 5.0;       // one-step error relative to the identification at this step
 inline constexpr double coverage = 0.9;           // least share of the model's steps that the data test
 inline constexpr double false_effect = 0.5;       // error of the effect of an input beyond its interval
-inline constexpr double chance = 0.01;  // expected number of steps with a weak input, or with an error peak, by chance
-inline constexpr double many_missing = 0.1;   // share of all samples
-inline constexpr Index training_samples = 3;  // experiments per unknown, if these test the model
-inline constexpr Index samples = 2;           // experiments per unknown, with noise
-inline constexpr Index few_tested = 3;        // fewer tested experiments than this are few
+inline constexpr double chance = 0.01;            // expected number of steps with a weak input or error peak by chance
+inline constexpr double many_missing = 0.1;       // share of all samples
+inline constexpr Index training_samples = 3;      // experiments per unknown, if these test the model
+inline constexpr Index samples = 2;               // experiments per unknown, with noise
+inline constexpr Index few_tested = 3;            // fewer tested experiments than this are few
 
 }  // namespace tokid::report::bounds

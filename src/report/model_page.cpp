@@ -220,8 +220,9 @@ class Report {
             ? "Don’t trust: nothing was tested."
             : fmt::format(
                   "Don’t trust: {} is below {:.0f} %, or the model overflows, or the inputs never vary and the "
-                  "fit is not good, or the effect of an input differs by more than {:.0f} % from that of the model. A fit of {:.0f} % or more is no reason for distrust if its errors are at most "
-                  "{:.2f} times those of an exact model with the noise that the model states.{}",
+                  "fit is not good, or the effect of an input differs by more than {:.0f} % from that of the model. A "
+                  "fit of {:.0f} % or more is no reason for distrust if its errors are at most {:.2f} times those of an "
+                  "exact model with the noise that the model states.{}",
                   fmt::join(fits, " or "), bounds::poor_fit, 100 * bounds::false_effect, bounds::useless_fit,
                   bounds::as_expected, ahead)};
     return "<details class=\"note\"><summary>How the status is decided</summary>" + list(rules, "plain") +
