@@ -269,6 +269,37 @@ TEST(Noise, GapsInEveryWindowAreRefusedInWords) {
   EXPECT_GT(refined.log_likelihood.back(), refined.start_log_likelihood);
 }
 
+// The search for n ended at the first smaller number that failed: half of such data got 5 to 8 states.
+TEST(Noise, EmNeedsNoMoreStatesThanTheSystemHas) {
+  Index right = 0;
+  for (std::uint64_t seed = 1; seed <= 8; ++seed)
+    right += identify(experiments(oscillator(30),
+                                  {.experiments = 15, .seed = seed, .process_noise = 0.1, .measurement_noise = 0.2}))
+                 .model.states() == 4;
+  EXPECT_GE(right, 6);
+}
+
+// EM with fewer states than the subspace models is compared with these, and not with subspace models of as many states.
+TEST(Noise, EmReplacesNoBetterModelOfMoreStates) {
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    const Identification found = identify(experiments(
+        rotating_tube(20), {.experiments = 40, .seed = seed, .process_noise = 0.3, .measurement_noise = 0.05}));
+    ASSERT_FALSE(found.refinement.trials.empty());
+    EXPECT_EQ(found.refinement.trials.front().states, found.order_scores.best);
+    if (found.refinement.iterations == 0) continue;
+    EXPECT_LT(found.refinement.error, found.refinement.trials.front().error);
+  }
+}
+
+TEST(Noise, TheLikelihoodOfTheStartIsThatOfTheGivenModel) {
+  const Ensemble e = noisy_experiments(oscillator(20), 60, 75);
+  const Model given = refine(identify(e, {.states = 4, .refine = false}).model, e, {.iterations = 5}).model;
+  ASSERT_NE(given.step.front().R(), given.step.back().R());
+  for (const double smoothing : {0.0, 3.0})
+    EXPECT_NEAR(refine(given, e, {.smoothing = smoothing, .iterations = 1}).start_log_likelihood,
+                log_likelihoods(given, e).sum(), 1e-9 * std::abs(log_likelihoods(given, e).sum()));
+}
+
 void remove_samples(Ensemble& e, double share, std::uint64_t seed) {
   Random random(seed);
   for (Index k = 0; k < e.steps(); ++k)

@@ -115,6 +115,20 @@ TEST(Folds, ChooseTheSimulatedOrder) {
 }
 
 // Projections of noise-free records show the system itself, from any initial states.
+TEST(OrderScores, FewestStatesWithinAFactor) {
+  OrderScores scores;
+  for (const double error : {1.0, 0.101, 0.1005, 0.1})
+    scores.add(Index(scores.states.size()) + 1, std::log(error), std::log(error), std::log(error));
+  scores.best = 4;
+  EXPECT_EQ(scores.fewest_within(1.02), 2);
+  EXPECT_EQ(scores.fewest_within(1.007), 3);
+  EXPECT_EQ(scores.fewest_within(1.001), 4);
+  scores.smallest = -10;  // of another λ
+  EXPECT_EQ(scores.fewest_within(1.02), 2);
+  scores.best = 1;
+  EXPECT_EQ(scores.fewest_within(1.02), 1);
+}
+
 TEST(Moesp, RecoversTimeInvariantSystemsExactly) {
   for (const SystemSize size : {SystemSize{1, 1, 1}, SystemSize{3, 1, 2}, SystemSize{4, 2, 2}, SystemSize{5, 3, 1}}) {
     SCOPED_TRACE(name(size));

@@ -43,6 +43,8 @@ struct OrderScores {
   // The mean of the three logs, with weight 3 for one_step, plus the penalty for the states.
   double mean(size_t i) const;
   void choose();
+  // The fewest states, at most `best`, whose error exceeds the smallest one by no more than this factor.
+  Index fewest_within(double factor) const;
 };
 
 // One trial in the cross-validation of EM.
@@ -70,8 +72,8 @@ struct AheadCertainty {
 // The choice between all trials, by the log-likelihood of the held-out experiments. Filled if EM was tried.
 struct RefinementChoice {
   std::vector<RefinementTrial> trials;
-  // n: OrderScores::best, or another number that EM tried: more states if they raise the likelihood significantly,
-  // fewer if they do not reduce it significantly.
+  // n: OrderScores::best, or another number that EM tried: fewer states that suffice, or more that raise the likelihood
+  // significantly. The first trial is the subspace model with OrderScores::best.
   Index states = 0;
   double smoothing = 0.0;
   double first_smoothing = 0.0;  // λ with which EM begins, as in NoisyChoices::refinement_first

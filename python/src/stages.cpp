@@ -9,6 +9,7 @@
 
 #include "arrays.hpp"
 #include "call.hpp"
+#include "data/content_order.hpp"
 #include "results.hpp"
 #include "tokid/em.hpp"
 #include "tokid/plan.hpp"
@@ -405,6 +406,8 @@ void bind_regressions(nb::module_& module) {
   module.def("stage_windows", [](const Ensemble& data, Index k, Index lags) {
     return array_of(without_gil([&] { return Windows(data).rows(k, lags); }));
   });
+  module.def("stage_content_order",
+             [](const Ensemble& data) { return without_gil([&] { return content_order(data); }); });
   module.def("stage_channel_sizes",
              [](const Ensemble& data) { return array_of(without_gil([&] { return Windows(data).channel_sizes(); })); });
   module.def("stage_gtv_arx", &regressed_each, nb::arg("data"), nb::arg("lags"), nb::arg("feedthrough"),

@@ -48,6 +48,11 @@ def relative(found, wanted):
     return np.abs(found - wanted).max() / np.abs(wanted).max()
 
 
+def in_order(data):
+    """The data in the order in which identify takes the experiments."""
+    return data.subset(stages.content_order(data))
+
+
 def identified(data, **options):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", tokid.TokidWarning)  # such as of few experiments
@@ -83,7 +88,7 @@ def ensemble():
         y = y + noise * rng.normal(size=y.shape)
         if missing:
             y[3, 7, 0] = y[5, 9:12, 0] = np.nan
-        return system, tokid.Ensemble(u, y, dt=0.1, initial_state=initial_state, output_units=["m"] * m)
+        return system, in_order(tokid.Ensemble(u, y, dt=0.1, initial_state=initial_state, output_units=["m"] * m))
 
     return make
 
@@ -95,7 +100,7 @@ def ensemble():
 def test_chain_of_tvera_has_the_bits_of_identify(ensemble, kind):
     p, n, feedthrough, threads = 4, 3, kind != "no feedthrough", 2 if kind == "threads" else 1
     if kind == "free responses":
-        data, n = tokid.example("oscillator", experiments=30, steps=25, free_responses=8), 4
+        data, n = in_order(tokid.example("oscillator", experiments=30, steps=25, free_responses=8)), 4
     else:
         state = "unknown" if kind == "unknown" else "zero"
         noise = 0.01 if kind in ("noisy", "no feedthrough") else 0.0
@@ -109,8 +114,8 @@ def test_chain_of_tvera_has_the_bits_of_identify(ensemble, kind):
 
 def test_chain_of_departures(ensemble):
     _, data = ensemble()
-    moving = tokid.Ensemble(data.u + np.linspace(0, 3, 25)[:, None], data.y + 5, dt=0.1, initial_state="zero",
-                            output_units=["m"])  # fmt: skip
+    moving = in_order(tokid.Ensemble(data.u + np.linspace(0, 3, 25)[:, None], data.y + 5, dt=0.1, initial_state="zero",
+                                     output_units=["m"]))  # fmt: skip
     model = identified(moving, method="tvera", lags=4, states=3, nominal="mean", feedthrough=True)
     apart = moving.departures()
     arx = stages.gtv_arx(apart, 4, spent=1)
@@ -127,7 +132,9 @@ def of_unit_size(samples):
 @pytest.mark.parametrize("initial_state", ["zero", "unknown"])
 def test_chain_of_subspace_and_em_has_the_bits_of_identify(noisy, period, initial_state):
     # identify() computes in units near the size of each channel. Samples of this size have these units already.
-    data = tokid.Ensemble(of_unit_size(noisy.u), of_unit_size(noisy.y), dt=noisy.dt, initial_state=initial_state)
+    data = in_order(
+        tokid.Ensemble(of_unit_size(noisy.u), of_unit_size(noisy.y), dt=noisy.dt, initial_state=initial_state)
+    )
     options = {"lags": 4, "states": 4, "method": "subspace", "period": period, "feedthrough": True, "nominal": "none"}
     if period == 0:
         options["smoothing"] = 1.0

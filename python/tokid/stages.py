@@ -3,7 +3,8 @@
 
 The chain of data without noise is `gtv_arx` -> `markov` -> `hankel_factors` -> `realise` -> `completed`. The chain of
 noisy data is `smooth_arx` -> `subspace` -> `refine`. `windows` gives the regressors and outputs of a step to a
-regression of your own. `tokid.identify` runs the same stages, makes their choices, and gives the same bits.
+regression of your own. `tokid.identify` runs the same stages and makes their choices. It gives the same bits for the
+experiments and steps that it uses, in `content_order`.
 
 Numbers in round brackets are the equations of the paper; docs/math.md explains them. Sizes: N experiments, T steps,
 r inputs, m outputs, d = r + m, lag order p, L = p d + r regressors, S steps with a model. Channels keep their units.
@@ -44,6 +45,7 @@ __all__ = [
     "Refined",
     "channel_sizes",
     "completed",
+    "content_order",
     "gtv_arx",
     "hankel_factors",
     "markov",
@@ -444,6 +446,14 @@ def channel_sizes(data: Ensemble) -> Array:
     `hankel_factors` can use them as units, so that its singular values do not depend on the units of the channels.
     """
     return _tokid.stage_channel_sizes(_samples(data))
+
+
+def content_order(data: Ensemble) -> IndexArray:
+    """Return the rows (N,) of `data` in the order in which `tokid.identify` takes the experiments.
+
+    It depends on the samples alone, so that another order of the experiments changes no bit of a model.
+    """
+    return np.array(_tokid.stage_content_order(_samples(data)), dtype=np.int64)
 
 
 def gtv_arx(

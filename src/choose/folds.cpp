@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "base/nan.hpp"
 #include "data/output_weights.hpp"
@@ -52,6 +53,14 @@ void OrderScores::choose() {
     const double uncertain = i < uncertainty.size() ? uncertainty[i] : 0.0;
     if (mean(i) <= smallest + std::clamp(uncertain, std::log(worth_it), std::log(most_uncertain))) best = states[i];
   }
+}
+
+Index OrderScores::fewest_within(double factor) const {
+  double least = std::numeric_limits<double>::infinity();  // `smallest` may be that of another λ
+  for (size_t i = 0; i < states.size(); ++i) least = std::min(least, mean(i));
+  for (size_t i = 0; i < states.size() && states[i] < best; ++i)
+    if (mean(i) <= least + std::log(factor)) return states[i];
+  return best;
 }
 
 namespace {

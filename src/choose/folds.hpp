@@ -91,8 +91,9 @@ class Folds {
   // Of the predictions by these models of the first folds, of the experiments that each fold holds out.
   std::vector<Squares> squares(const std::vector<Model>& models, const Ahead& ahead) const;
   // Chooses n, the λ of EM and its iterations by the likelihood and the errors of held-out experiments. EM starts from
-  // subspace models with the weighting of the scores. It begins with `states`. Then it tries more states, which must
-  // raise the likelihood significantly, or fewer, which must not reduce it significantly.
+  // subspace models with the weighting of the scores. It begins with the fewest states that have nearly the smallest
+  // error. Then it tries `states` and more, which must raise the likelihood significantly, or fewer, which must not
+  // reduce it significantly. One number that fails is passed over.
   // `smoothing`: the λ of EM, if it is stated. `work` counts iterations of one fold. `iteration`: an iteration with all
   // data, in this unit.
   RefinementOfFolds choose_refinement(Index states, const OrderRange& orders, const OrderScores& scores,
@@ -101,6 +102,7 @@ class Folds {
  private:
   class Likelihood;
   class RefinementSearch;
+  class OrderSearch;
   struct Fold {
     Split data;
     GtvArx arx;

@@ -238,6 +238,7 @@ class Folds::RefinementSearch {
   }
 
   bool empty() const { return attempts_.empty(); }
+  Index states() const { return choice_.states; }
   // Of the best λ.
   const Likelihood& likelihood() const { return chosen()->likelihood; }
   double smoothing() const { return chosen()->smoothing; }
@@ -245,20 +246,22 @@ class Folds::RefinementSearch {
   const std::vector<Index>& jumps() const { return jumps_; }
   const std::vector<RefinementTrial>& trials() const { return choice_.trials; }
 
-  // EM is used if it predicts clearly better than the subspace models, and not clearly worse by one step: EM that has
-  // spoiled its start needs more iterations. From unknown initial states it may also be better in the first steps
-  // alone. If the best attempt is not used, the attempt with the smallest errors may be.
-  RefinementOfFolds choice() && {
-    choice_.ahead = choice_.ahead_without_em = certainty(without_em_);
-    if (empty()) return {std::move(choice_), std::move(without_em_)};
-    choice_.smoothing = smoothing();
-    const Errors before = errors(without_em_, folds_.first_);
+  // The subspace models without EM.
+  RefinementOfFolds without_em() {
+    RefinementOfFolds result{choice_, without_em_};
+    result.choice.ahead = result.choice.ahead_without_em = certainty(without_em_);
+    if (!empty()) result.choice.smoothing = smoothing();
+    return result;
+  }
+
+  // EM is used if it improves on its start and on these subspace models, which it replaces. If the best attempt does
+  // not, the attempt with the smallest errors may.
+  std::optional<RefinementOfFolds> better_than(const RefinementSearch& plain) {
+    if (empty()) return std::nullopt;
+    choice_.ahead_without_em = certainty(plain.without_em_);
     for (const Attempt* attempt : {chosen(), least_error()}) {
       const Errors after = errors(attempt->models, folds_.first_);
-      const double gain = before.mean() - after.mean(), from_start = choice_.error - attempt->error();
-      if (after.one_step > before.one_step + std::log(most_uncertain) || gain < -std::log(most_uncertain) ||
-          std::max(gain, from_start) < std::log(worth_it))
-        continue;
+      if (!improves(*attempt, after, *this) || (&plain != this && !improves(*attempt, after, plain))) continue;
       choice_.smoothing = attempt->smoothing;
       choice_.first_smoothing = first_;
       choice_.iterations = attempt->iterations;
@@ -266,9 +269,9 @@ class Folds::RefinementSearch {
       choice_.one_step = after.one_step;
       choice_.error = attempt->error();
       choice_.ahead = certainty(attempt->models);
-      return {std::move(choice_), attempt->models};
+      return RefinementOfFolds{choice_, attempt->models};
     }
-    return {std::move(choice_), std::move(without_em_)};
+    return std::nullopt;
   }
 
  private:
@@ -288,6 +291,16 @@ class Folds::RefinementSearch {
     double smoothing = 0.0;
     std::vector<Attempt> stages;
   };
+
+  // Does EM predict clearly better than these subspace models, and not clearly worse by one step? EM that has spoiled
+  // its start needs more iterations. From unknown initial states it may also be better in the first steps alone.
+  // `after`: the errors after them.
+  bool improves(const Attempt& attempt, const Errors& after, const RefinementSearch& on) const {
+    const Errors before = on.errors(on.without_em_, folds_.first_);
+    const double gain = before.mean() - after.mean(), from_start = on.choice_.error - attempt.error();
+    return after.one_step <= before.one_step + std::log(most_uncertain) && gain >= -std::log(most_uncertain) &&
+           std::max(gain, from_start) >= std::log(worth_it);
+  }
 
   const Attempt* least_error() const {
     const auto smaller = [](const Attempt& a, const Attempt& b) { return a.error() < b.error(); };
@@ -604,51 +617,122 @@ class Folds::RefinementSearch {
   RefinementChoice choice_;
 };
 
+// The search for the number of states of EM.
+class Folds::OrderSearch {
+ public:
+  OrderSearch(const Folds& folds, const OrderRange& orders, const OrderScores& scores, std::optional<double> smoothing,
+              SearchProgress& work, double iteration)
+      : folds_(folds),
+        orders_(orders),
+        scores_(scores),
+        smoothing_(smoothing),
+        work_(work),
+        iteration_(iteration),
+        fold_count_(double(std::min(folds.folds_.size(), size_t(most_refined)))) {}
+
+  RefinementOfFolds run(Index states) {
+    const Index fewest = orders_.fewest < orders_.most ? scores_.fewest_within(most_uncertain) : states;
+    const Search plain = begun(states), first = fewest < states ? begun(fewest) : plain;
+    best_ = refined(first);
+    if (first != plain && !fewer_suffice(*first, *refined(plain))) best_ = plain;
+    if (best_ == plain) try_more();
+    if (best_->states() <= states) try_fewer(fewest, first);
+    if (best_ != first && !smoothing_)  // the best λ may differ for this number of states
+      go_on([&] { best_->is_last(), best_->run({}); });
+    go_on([&] { best_->finish(); });
+    std::optional<RefinementOfFolds> result = best_->better_than(*plain);
+    if (!result && best_ != plain) result = plain->better_than(*plain);
+    if (!result) result = plain->without_em();
+    result->choice.trials = std::move(trials_);
+    return std::move(*result);
+  }
+
+ private:
+  using Search = std::shared_ptr<RefinementSearch>;
+
+  void take_trials(const RefinementSearch& of, size_t known) {
+    trials_.insert(trials_.end(), of.trials().begin() + std::ptrdiff_t(known), of.trials().end());
+  }
+
+  // Before EM.
+  Search begun(Index n) {
+    const double last = fold_count_ * longest,
+                 beside = orders_.most > orders_.fewest ? usual_tries_beside * fold_count_ * longer : 0.0;
+    const Search search = std::make_shared<RefinementSearch>(
+        folds_, n, scores_, best_ ? best_->jumps() : folds_.options_.variation.jumps, work_, beside + last, iteration_);
+    take_trials(*search, 0);
+    return search;
+  }
+
+  // With EM: at the λ of the best search and around it, if there is one.
+  Search refined(const Search& search) {
+    const size_t known = search->trials().size();
+    if (smoothing_ || !best_ || best_->empty())
+      search->run(smoothing_);
+    else
+      search->run_beside(*best_);
+    take_trials(*search, known);
+    return search;
+  }
+
+  template <class Part>
+  void go_on(Part&& part) {
+    const size_t known = best_->trials().size();
+    part();
+    take_trials(*best_, known);
+  }
+
+  bool fewer_suffice(const RefinementSearch& fewer, const RefinementSearch& more) const {
+    return !fewer.empty() && fewer.error() < more.error() + std::log(worth_it) &&
+           (folds_.pooled() || fewer.likelihood().advantage(more.likelihood()) > -noticeable);
+  }
+
+  bool more_help(const RefinementSearch& more, const RefinementSearch& fewer) const {
+    const double allowed = folds_.pooled() ? 1 / most_uncertain : worth_it;
+    return !more.empty() && more.error() < fewer.error() + std::log(allowed) &&
+           (folds_.pooled() || more.likelihood().advantage(fewer.likelihood()) > significant);
+  }
+
+  void try_more() {
+    while (!best_->empty() && best_->states() < orders_.most) {
+      const Search more = refined(begun(best_->states() + 1));
+      if (!more_help(*more, *best_)) return;
+      best_ = more;
+    }
+  }
+
+  // Passes over one number of states that does not suffice: it may split a pair of eigenvalues.
+  void try_fewer(Index fewest, const Search& first) {
+    Index failed = 0;
+    for (Index n = best_->states() - 1; !best_->empty() && n >= orders_.fewest && failed < 2; --n) {
+      ++failed;
+      if (error_of(n) > error_of(best_->states()) + std::log(hopeless)) continue;
+      const Search fewer = n == fewest ? first : refined(begun(n));
+      if (fewer_suffice(*fewer, *best_)) best_ = fewer, failed = 0;
+    }
+  }
+
+  // Of the subspace models; -∞ if it is not known.
+  double error_of(Index n) const {
+    const auto at = std::find(scores_.states.begin(), scores_.states.end(), n);
+    return at == scores_.states.end() ? -std::numeric_limits<double>::infinity()
+                                      : scores_.mean(size_t(at - scores_.states.begin()));
+  }
+
+  const Folds& folds_;
+  const OrderRange& orders_;
+  const OrderScores& scores_;
+  std::optional<double> smoothing_;
+  SearchProgress& work_;
+  double iteration_, fold_count_;
+  Search best_;
+  std::vector<RefinementTrial> trials_;  // of all searches
+};
+
 RefinementOfFolds Folds::choose_refinement(Index states, const OrderRange& orders, const OrderScores& scores,
                                            std::optional<double> smoothing, SearchProgress& work,
                                            double iteration) const {
-  const double fold_count = double(std::min(folds_.size(), size_t(most_refined)));
-  const double last = fold_count * longest,
-               beside = orders.most > orders.fewest ? usual_tries_beside * fold_count * longer : 0.0;
-  auto best = std::make_unique<RefinementSearch>(*this, states, scores, options_.variation.jumps, work, beside + last,
-                                                 iteration);
-  best->run(smoothing);
-  std::vector<RefinementTrial> trials = best->trials();
-  // Takes the other number of states if its likelihood has this advantage, in standard errors, and its error is below
-  // the present one times `allowed`.
-  const auto take_if = [&](std::unique_ptr<RefinementSearch> other, double advantage, double allowed) {
-    trials.insert(trials.end(), other->trials().begin(), other->trials().end());
-    if (other->empty() || !(other->error() < best->error() + std::log(allowed))) return false;
-    if (!pooled() && !(other->likelihood().advantage(best->likelihood()) > advantage)) return false;
-    best = std::move(other);
-    return true;
-  };
-  const auto try_order = [&](Index n, double advantage, double allowed) {
-    auto other =
-        std::make_unique<RefinementSearch>(*this, n, scores, best->jumps(), work, beside / 2 + last, iteration);
-    if (smoothing)
-      other->run(smoothing);
-    else
-      other->run_beside(*best);
-    return take_if(std::move(other), advantage, allowed);
-  };
-  const double larger = pooled() ? 1 / most_uncertain : worth_it;
-  Index n = states;
-  while (!best->empty() && n < orders.most && try_order(n + 1, significant, larger)) ++n;
-  if (n == states)
-    while (!best->empty() && n > orders.fewest && try_order(n - 1, -noticeable, worth_it)) --n;
-  if (n != states && !smoothing) {  // the best λ may differ for this number of states
-    const size_t known = best->trials().size();
-    best->is_last();
-    best->run({});
-    trials.insert(trials.end(), best->trials().begin() + std::ptrdiff_t(known), best->trials().end());
-  }
-  const size_t known = best->trials().size();
-  best->finish();
-  trials.insert(trials.end(), best->trials().begin() + std::ptrdiff_t(known), best->trials().end());
-  RefinementOfFolds result = std::move(*best).choice();
-  result.choice.trials = std::move(trials);
-  return result;
+  return OrderSearch(*this, orders, scores, smoothing, work, iteration).run(states);
 }
 
 namespace {

@@ -10,6 +10,7 @@
 #include "choose/constant.hpp"
 #include "choose/input_delays.hpp"
 #include "choose/regression.hpp"
+#include "data/content_order.hpp"
 #include "model/input_delays.hpp"
 #include "tokid/corrections.hpp"
 
@@ -85,9 +86,11 @@ std::vector<Index> delays_of(const Ensemble& departures, const IdentifyOptions& 
 
 }  // namespace
 
-Prepared prepare(const Ensemble& measured, const Vector& weights, const IdentifyOptions& options) {
+Prepared prepare(const Ensemble& measured, const Vector& measured_weights, const IdentifyOptions& options) {
+  const std::vector<Index> order = content_order(measured);
+  const Vector weights = measured_weights(order);
   Prepared result;
-  result.data = measured;
+  result.data = measured.subset(order);
   if (removes_nominal(result.data, options, result.nominal_test)) {
     remove_nominal(weights, options.period, result);
     if (options.period == 1 && !options.nominal) move_to_rest(result);

@@ -433,7 +433,11 @@ Refinement Climb::run() {
 
 Refinement refine(const Model& model, const Ensemble& data, const RefineOptions& options) {
   std::optional<em::Data> samples;
-  return em::refine(model, data, samples, options);
+  Refinement result = em::refine(model, data, samples, options);
+  const Model start = starting_model(model, data, options, initial_state_of(model, data, options));
+  result.start_log_likelihood =
+      kalman::log_likelihoods(start, samples->summed(), {options.execution.threads, {}}).sum();
+  return result;
 }
 
 Refinement em::refine(const Model& model, const Ensemble& data, std::optional<Data>& samples,
@@ -451,7 +455,6 @@ Refinement em::refine(const Model& model, const Ensemble& data, std::optional<Da
   kalman::samples_of(model, data, kalman::Tail::drop, 0);  // checks the channels
   Model start = starting_model(model, data, options, initial);
   if (!samples) samples.emplace(start, data);
-  const double likelihood = kalman::log_likelihoods(start, samples->summed(), {options.execution.threads, {}}).sum();
   // A strong penalty makes all steps equal if the start has no smooth coordinates, and EM needs many iterations to
   // recover. EM with weaker penalties first avoids this.
   std::vector<RefineOptions> climbs;
@@ -478,7 +481,6 @@ Refinement em::refine(const Model& model, const Ensemble& data, std::optional<Da
       throw std::runtime_error(
           "the covariances of the noise left the range of double precision: the model does not fit "
           "the data at all");
-  result.start_log_likelihood = likelihood;
   result.model = kalman_observer(std::move(result.model));
   result.model.method = "em";
   result.model.period = period_of(start, options);

@@ -20,6 +20,8 @@ def folder(tokid, tmp_path_factory):
     noise = ["--steps", STEPS, "--measurement-noise", 0.1, "--process-noise", 0.01]
     for name, count, seed in [("few", 8, 1), ("data", 60, 2), ("fresh", 20, 3)]:
         tokid("example", "oscillator", "-o", path / f"{name}.npz", "--experiments", count, "--seed", seed, *noise)
+    values = dict(np.load(path / "few.npz"))
+    np.savez(path / "equal.npz", **{**values, "u": values["u"][:, :, [0, 0]]})  # inputs that no experiment separates
     tokid("identify", "data.npz", "-o", "model.npz", "--quiet", cwd=path)
     return path
 
@@ -68,6 +70,7 @@ def test_help_has_narrow_lines(tokid):
 CALLS = {
     "identify": ["identify", "data.npz", "-o", "other.npz"],
     "identify few": ["identify", "few.npz", "-o", "of-few.npz"],
+    "identify equal inputs": ["identify", "equal.npz", "-o", "of-equal.npz"],
     "identify held out": ["identify", "data.npz", "-o", "held-out.npz", "--hold-out", 0.2],
     "validate": ["validate", "model.npz", "fresh.npz", "--horizon", 5],
     "cross-validate": ["validate", "model.npz", "few.npz", "--cross-validate", 2],
@@ -212,13 +215,13 @@ def test_verbose_has_the_details(printed):
 
 
 def test_warnings_do_not_depend_on_verbosity(printed):
-    call = CALLS["identify few"]
+    call = CALLS["identify equal inputs"]
     said = [printed(*call, *more).stderr for more in ([], ["--verbose"], ["--quiet"])]
     assert said[0].startswith("tokid: warning: ") and said[0] == said[1] == said[2]
 
 
 def test_each_message_is_one_line_where_no_terminal_reads_it(printed):
-    call = CALLS["identify few"]
+    call = CALLS["identify equal inputs"]
     said = printed(*call).stderr.splitlines()
     warnings = json.loads(printed(*call, "--json").stdout)["warnings"]
     assert said == [f"tokid: warning: {text}" for text in warnings] and any(len(line) > 100 for line in said)
