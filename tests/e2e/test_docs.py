@@ -21,6 +21,7 @@ from perturbation import perturb_file
 
 DOCS = ROOT / "docs"
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
+WITH_POWER = re.compile(NUMBER.pattern + "(?:·10[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)?")
 
 
 @contextlib.contextmanager
@@ -89,7 +90,7 @@ def masked(shown, printed):
     if "…" not in shown or len(words) != len(printed.split()):
         return shown, printed
     words = iter(words)
-    return shown, re.sub(r"\S+", lambda match: NUMBER.sub("…", match[0]) if "…" in next(words) else match[0], printed)
+    return shown, re.sub(r"\S+", lambda match: WITH_POWER.sub("…", match[0]) if "…" in next(words) else match[0], printed)
 
 
 def anew(shown, printed):
