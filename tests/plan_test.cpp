@@ -114,7 +114,6 @@ TEST(Folds, ChooseTheSimulatedOrder) {
   }
 }
 
-// Projections of noise-free records show the system itself, from any initial states.
 TEST(OrderScores, FewestStatesWithinAFactor) {
   OrderScores scores;
   for (const double error : {1.0, 0.101, 0.1005, 0.1})
@@ -129,6 +128,7 @@ TEST(OrderScores, FewestStatesWithinAFactor) {
   EXPECT_EQ(scores.fewest_within(1.02), 1);
 }
 
+// Projections of noise-free records show the system itself, from any initial states.
 TEST(Moesp, RecoversTimeInvariantSystemsExactly) {
   for (const SystemSize size : {SystemSize{1, 1, 1}, SystemSize{3, 1, 2}, SystemSize{4, 2, 2}, SystemSize{5, 3, 1}}) {
     SCOPED_TRACE(name(size));

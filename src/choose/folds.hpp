@@ -92,8 +92,8 @@ class Folds {
   std::vector<Squares> squares(const std::vector<Model>& models, const Ahead& ahead) const;
   // Chooses n, the λ of EM and its iterations by the likelihood and the errors of held-out experiments. EM starts from
   // subspace models with the weighting of the scores. It begins with the fewest states that have nearly the smallest
-  // error. Then it tries `states` and more, which must raise the likelihood significantly, or fewer, which must not
-  // reduce it significantly. One number that fails is passed over.
+  // error, and keeps them if `states` are not better. More states than `states` must raise the likelihood significantly.
+  // Fewer must not reduce it significantly, and one number that fails is passed over.
   // `smoothing`: the λ of EM, if it is stated. `work` counts iterations of one fold. `iteration`: an iteration with all
   // data, in this unit.
   RefinementOfFolds choose_refinement(Index states, const OrderRange& orders, const OrderScores& scores,

@@ -170,10 +170,12 @@ Vector log_likelihoods_with(const Vector& variances, Model model, const Ensemble
 class Folds::RefinementSearch {
  public:
   // `rest`: usual units of work of other searches and of last stages. `iteration`: units of an iteration with all data.
+  // `trials`: of all searches, to which this one adds its own.
   RefinementSearch(const Folds& folds, Index states, const OrderScores& scores, std::vector<Index> jumps,
-                   SearchProgress& work, double rest, double iteration)
+                   SearchProgress& work, double rest, double iteration, std::vector<RefinementTrial>& trials)
       : folds_(folds),
         work_(work),
+        trials_(trials),
         rest_(rest),
         iteration_(iteration),
         jumps_(std::move(jumps)),
@@ -197,7 +199,7 @@ class Folds::RefinementSearch {
       least_variance_[f] = least_variance(like_[f], data.held_out);
     });
     choice_.error = errors(without_em_, 0).mean();
-    choice_.trials.push_back({.states = states, .error = choice_.error});
+    trials_.push_back({.states = states, .error = choice_.error});
   }
 
   // Only the last stages follow, and no search for other numbers of states.
@@ -244,7 +246,6 @@ class Folds::RefinementSearch {
   double smoothing() const { return chosen()->smoothing; }
   double error() const { return chosen()->error(); }
   const std::vector<Index>& jumps() const { return jumps_; }
-  const std::vector<RefinementTrial>& trials() const { return choice_.trials; }
 
   // The subspace models without EM.
   RefinementOfFolds without_em() {
@@ -545,8 +546,7 @@ class Folds::RefinementSearch {
     start.likelihood = all ? Likelihood(found) : Likelihood();
     start.errors = errors(start.models, 0);
     start.iterations += stage.iterations;
-    choice_.trials.push_back(
-        {choice_.states, start.smoothing, start.iterations, start.error(), start.likelihood.mean()});
+    trials_.push_back({choice_.states, start.smoothing, start.iterations, start.error(), start.likelihood.mean()});
     return start;
   }
 
@@ -600,6 +600,7 @@ class Folds::RefinementSearch {
 
   const Folds& folds_;
   SearchProgress& work_;
+  std::vector<RefinementTrial>& trials_;
   double rest_, iteration_;  // of the constructor
   bool searched_ = false;    // for the best λ, not beside another search
   std::vector<Index> jumps_;
@@ -638,8 +639,8 @@ class Folds::OrderSearch {
     if (best_ == plain) try_more();
     if (best_->states() <= states) try_fewer(fewest, first);
     if (best_ != first && !smoothing_)  // the best λ may differ for this number of states
-      go_on([&] { best_->is_last(), best_->run({}); });
-    go_on([&] { best_->finish(); });
+      best_->is_last(), best_->run({});
+    best_->finish();
     std::optional<RefinementOfFolds> result = best_->better_than(*plain);
     if (!result && best_ != plain) result = plain->better_than(*plain);
     if (!result) result = plain->without_em();
@@ -650,36 +651,22 @@ class Folds::OrderSearch {
  private:
   using Search = std::shared_ptr<RefinementSearch>;
 
-  void take_trials(const RefinementSearch& of, size_t known) {
-    trials_.insert(trials_.end(), of.trials().begin() + std::ptrdiff_t(known), of.trials().end());
-  }
-
   // Before EM.
   Search begun(Index n) {
     const double last = fold_count_ * longest,
                  beside = orders_.most > orders_.fewest ? usual_tries_beside * fold_count_ * longer : 0.0;
-    const Search search = std::make_shared<RefinementSearch>(
-        folds_, n, scores_, best_ ? best_->jumps() : folds_.options_.variation.jumps, work_, beside + last, iteration_);
-    take_trials(*search, 0);
-    return search;
+    return std::make_shared<RefinementSearch>(folds_, n, scores_,
+                                              best_ ? best_->jumps() : folds_.options_.variation.jumps, work_,
+                                              beside + last, iteration_, trials_);
   }
 
   // With EM: at the λ of the best search and around it, if there is one.
   Search refined(const Search& search) {
-    const size_t known = search->trials().size();
     if (smoothing_ || !best_ || best_->empty())
       search->run(smoothing_);
     else
       search->run_beside(*best_);
-    take_trials(*search, known);
     return search;
-  }
-
-  template <class Part>
-  void go_on(Part&& part) {
-    const size_t known = best_->trials().size();
-    part();
-    take_trials(*best_, known);
   }
 
   bool fewer_suffice(const RefinementSearch& fewer, const RefinementSearch& more) const {
