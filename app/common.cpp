@@ -243,7 +243,7 @@ Json json_of(const std::vector<OutlyingSamples>& outlying) {
 
 namespace {
 
-constexpr int bar_width = 20;
+constexpr size_t bar_width = 20;
 constexpr std::chrono::milliseconds interval{100};
 
 // Columns of the terminal.
@@ -280,13 +280,12 @@ Progress ProgressBar::callback() {
   return [this](const ProgressReport& report) {
     const std::lock_guard lock(mutex_);
     report_ = report;
-    reported_ = Clock::now();
   };
 }
 
-void ProgressBar::note_if_longer(double seconds, std::function<std::string()> text) {
+void ProgressBar::note_after(std::chrono::seconds seconds, std::function<std::string()> text) {
   const std::lock_guard lock(mutex_);
-  note_after_ = seconds;
+  note_at_ = Clock::now() + seconds;
   note_ = std::move(text);
 }
 
@@ -295,34 +294,22 @@ void ProgressBar::run(const std::stop_token& stop) {
   while (!wake_.wait_for(lock, stop, interval, [&stop] { return stop.stop_requested(); })) {
     if (stop.stop_requested()) return;
     const ProgressReport report = report_;
-    const Clock::time_point reported = reported_;
-    const bool noting = note_ && report.seconds_left > note_after_;
+    const bool noting = note_ && Clock::now() >= note_at_;
     const std::function<std::string()> note = noting ? std::exchange(note_, {}) : nullptr;
     lock.unlock();
     if (const std::string text = note ? note() : std::string(); !text.empty())
       write(blank() + wrapped(text, line_columns, "\n") + '\n');
-    write(line(report, reported));
+    write(line(report));
     drawn_ = true;
     lock.lock();
   }
 }
 
-std::string ProgressBar::line(const ProgressReport& report, Clock::time_point reported) {
-  const Clock::time_point now = Clock::now();
-  ProgressReport present = report;
-  present.seconds_left -= std::chrono::duration<double>(now - reported).count();
-  const double share = std::clamp(report.share, 0.0, 1.0), left = time_left_.after(present, now);
-  std::string text;
-  if (!report.open) {
-    const int done = static_cast<int>(share * bar_width);
-    text = fmt::format("[{}{}] {:3.0f} %  ", std::string(size_t(done), '#'), std::string(size_t(bar_width - done), '.'),
-                       100 * share);
-  }
-  text += report.stage;
-  if (report.open && report.stage_share >= 0) text += fmt::format(": {:.0f} %", 100 * report.stage_share);
-  text += fmt::format("{}{}", report.stage.empty() ? "" : ", ",
-                      duration(std::chrono::duration<double>(now - begin_).count()));
-  if (!std::isnan(left)) text += fmt::format(", about {} left", duration(left));
+std::string ProgressBar::line(const ProgressReport& report) const {
+  const auto done = static_cast<size_t>(report.share * bar_width);
+  std::string text = fmt::format("[{}{}] {:3.0f} %  {}{}{}", std::string(done, '#'), std::string(bar_width - done, '.'),
+                                 100 * report.share, report.stage, report.stage.empty() ? "" : ", ",
+                                 duration(std::chrono::duration<double>(Clock::now() - begin_).count()));
   text.resize(columns() - 1, ' ');  // overwrites the line before
   return '\r' + text;
 }

@@ -112,10 +112,9 @@ void warn(const Findings& findings);
 void add_findings(Json& json, const Findings& findings);
 Json json_of(const std::vector<OutlyingSamples>& outlying);
 
-// A line on stderr: the finished share, the present stage, the time so far and the time left. While the amount of work
-// is open, the share is that of the stage and there is no time left. The line appears only if
-// stderr is a terminal and the work takes longer than 0.1 s. A thread draws it, so that the time goes on while there is
-// no report. The destructor erases it.
+// A line on stderr: the finished share, the present stage and the time so far. The line appears only if stderr is a
+// terminal and the work takes longer than 0.1 s. A thread draws it, so that the time goes on while there is no report.
+// The destructor erases it.
 class ProgressBar {
  public:
   explicit ProgressBar(bool wanted);
@@ -123,21 +122,20 @@ class ProgressBar {
   ProgressBar(const ProgressBar&) = delete;
   ProgressBar& operator=(const ProgressBar&) = delete;
   Progress callback();
-  // Prints a line above the bar as soon as the work is known to take `seconds` more. `text` makes the line, in another
-  // thread than the work; empty: nothing is printed.
-  void note_if_longer(double seconds, std::function<std::string()> text);
+  // Prints a line above the bar if the work goes on for `seconds` more. `text` makes the line, in another thread than
+  // the work; empty: nothing is printed.
+  void note_after(std::chrono::seconds seconds, std::function<std::string()> text);
 
  private:
-  using Clock = TimeLeft::Clock;
+  using Clock = std::chrono::steady_clock;
   void run(const std::stop_token& stop);
-  std::string line(const ProgressReport& report, Clock::time_point reported);
+  std::string line(const ProgressReport& report) const;
 
   bool enabled_, drawn_ = false;
-  Clock::time_point begin_ = Clock::now(), reported_ = begin_;
-  TimeLeft time_left_{begin_};
+  Clock::time_point begin_ = Clock::now();
   std::mutex mutex_;  // of the members below
   ProgressReport report_;
-  double note_after_ = 0.0;  // [s]
+  Clock::time_point note_at_;
   std::function<std::string()> note_;
   std::condition_variable_any wake_;
   std::jthread thread_;  // the last member: it uses the others

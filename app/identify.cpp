@@ -600,8 +600,8 @@ void run_at_once(const Call& call) {
     if (!call.state.empty() && !options.delays) options.delays.emplace();  // a state file can't contain dead times
     options.execution.progress = bar.callback();
     return identify(data, options, [&](Model first) {
-      constexpr double worth_it = 5.0;  // [s]
-      bar.note_if_longer(worth_it, [&data, first = std::move(first)] { return about_first(first, data); });
+      constexpr std::chrono::seconds worth_it{2};
+      bar.note_after(worth_it, [&data, first = std::move(first)] { return about_first(first, data); });
     });
   });
   std::optional<UpdateState> state;

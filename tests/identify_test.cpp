@@ -426,9 +426,8 @@ TEST(Identify, ProgressRunsFromZeroToOne) {
   EXPECT_EQ(seen.back(), 1.0);
 }
 
-// Noisy data, with and without EM, and by one and by two threads: the share never decreases, no part of it is skipped
-// in one report, and the time left is known once EM runs.
-TEST(Identify, ProgressOfNoisyDataRisesLittleByLittle) {
+// Noisy data, with and without EM, and by one and by two threads: the share never decreases.
+TEST(Identify, ProgressOfNoisyDataRisesThroughItsStages) {
   const Ensemble e = experiments(oscillator(40), {.experiments = 20, .process_noise = 0.02, .measurement_noise = 0.05});
   for (const bool refine : {false, true})
     for (const int threads : {1, 2}) {
@@ -438,17 +437,11 @@ TEST(Identify, ProgressOfNoisyDataRisesLittleByLittle) {
       options.execution = {threads, [&](const ProgressReport& report) { seen.push_back(report); }};
       identify(e, options);
       ASSERT_GT(seen.size(), 50u);
-      double largest = 0.0;
-      bool timed = false;
       std::set<std::string> stages;
       for (size_t i = 1; i < seen.size(); ++i) {
         ASSERT_GE(seen[i].share, seen[i - 1].share) << seen[i - 1].stage << " to " << seen[i].stage;
-        largest = std::max(largest, seen[i].share - seen[i - 1].share);
-        timed = timed || seen[i].seconds_left > 0;
         stages.insert(seen[i].stage);
       }
-      EXPECT_LT(largest, refine ? 0.15 : 0.25);
-      EXPECT_EQ(timed, refine);
       EXPECT_TRUE(stages.contains("choosing lags and lambda") && stages.contains("choosing the number of states"));
       EXPECT_EQ(stages.contains("EM: all experiments"), refine);
       EXPECT_EQ(seen.back().share, 1.0);

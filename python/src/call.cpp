@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "call.hpp"
 
-#include <cmath>
-
 namespace tokid::python {
 
 void Call::report(const ProgressReport& now) {
@@ -10,7 +8,6 @@ void Call::report(const ProgressReport& now) {
     const std::lock_guard lock(mutex_);
     last_ = now;
     fresh_ = true;
-    reported_ = Clock::now();
   }
   if (Clock::now() < next_.load() && now.share < 1.0) return;
   ask([this] { tell(); });
@@ -33,11 +30,9 @@ void Call::tell() {
     const std::lock_guard lock(mutex_);
     now = last_;
     fresh_ = false;
-    now.seconds_left -= std::chrono::duration<double>(Clock::now() - reported_).count();
   }
   told_ = Clock::now();
-  const double left = now.share < 1.0 ? time_left_.after(now) : 0.0;
-  listener_(now.share, now.stage, std::isnan(left) ? nb::none() : nb::object(nb::float_(left)));
+  listener_(now.share, now.stage);
 }
 
 }  // namespace tokid::python

@@ -81,15 +81,13 @@ class Call {
   void poll();
   void tell();
 
-  nb::object listener_;  // called with the finished share, the stage, and the time left or None; or None
+  nb::object listener_;  // called with the finished share and the stage; or None
   std::atomic<Clock::time_point> next_;
   std::atomic<bool> fresh_ = false;  // Python has not got the last report
-  std::mutex mutex_;                 // of the two members below
+  std::mutex mutex_;                 // of the next member
   ProgressReport last_;
-  Clock::time_point reported_ = Clock::now();
   // Used with the GIL alone:
   bool telling_ = false;  // the listener runs
-  TimeLeft time_left_;
   Clock::time_point told_ = Clock::now();
   std::exception_ptr why_;
 };

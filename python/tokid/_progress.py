@@ -11,15 +11,15 @@ from typing import Any, Callable, Optional
 from ._options import switch
 from ._typing import Progress, ProgressShare
 
-# It gets the finished share, the stage and the expected time left [s], None if that is not known.
-Listener = Optional[Callable[[float, str, Optional[float]], Any]]
+# It gets the finished share and the stage.
+Listener = Optional[Callable[[float, str], Any]]
 
 
 @contextmanager
 def listener(progress: Progress, what: str) -> Iterator[Listener]:
     """The function that gets the progress: a bar of tqdm, a line on stderr, or the callable of the user."""
     if callable(progress):
-        yield lambda share, stage, left: progress(ProgressShare._of(share, stage, left))
+        yield lambda share, stage: progress(ProgressShare._of(share, stage))
     elif not switch("progress", progress, " or a function"):
         yield None
     else:
@@ -30,11 +30,6 @@ def listener(progress: Progress, what: str) -> Iterator[Listener]:
             bar.close()
 
 
-def _described(stage: str, left: Optional[float]) -> str:
-    known = "" if left is None else f"about {left:.0f} s left"
-    return ", ".join(text for text in (stage, known) if text)
-
-
 class _Line:
     """One line on stderr, which is overwritten."""
 
@@ -42,10 +37,10 @@ class _Line:
         self._what = what
         self._shown = ""
 
-    def show(self, share: float, stage: str, left: Optional[float]) -> None:
+    def show(self, share: float, stage: str) -> None:
         text = f"{self._what}: {100 * min(max(share, 0.0), 1.0):3.0f} %"
         if share < 1:
-            text = f"{text}  {_described(stage, left)}".rstrip()
+            text = f"{text}  {stage}".rstrip()
         if text != self._shown:
             blank = "\r" + " " * len(self._shown) if len(text) < len(self._shown) else ""
             print(f"{blank}\r{text}", end="", file=sys.stderr, flush=True)
@@ -60,9 +55,9 @@ class _Tqdm:
     def __init__(self, tqdm: Any, what: str) -> None:
         self._bar = tqdm(total=100, desc=what, bar_format="{l_bar}{bar}| {elapsed}{postfix}")
 
-    def show(self, share: float, stage: str, left: Optional[float]) -> None:
+    def show(self, share: float, stage: str) -> None:
         self._bar.n = 100 * min(max(share, 0.0), 1.0)
-        self._bar.set_postfix_str(_described(stage, left) if share < 1 else "")
+        self._bar.set_postfix_str(stage if share < 1 else "")
 
     def close(self) -> None:
         self._bar.close()

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import os
-from typing import Any, Callable, Optional, Union
+from typing import Any, Callable, Union
 
 import numpy as np
 import numpy.typing as npt
@@ -23,18 +23,14 @@ class ProgressShare(float):
     ----------
     stage : str
         What tokid does now, such as "choosing lags and lambda"; empty for work of one stage.
-    seconds_left : float or None
-        Expected time until the end [s]; None while it is not known.
     """
 
     stage: str = ""
-    seconds_left: Optional[float] = None
 
     @classmethod
-    def _of(cls, share: float, stage: str, seconds_left: Optional[float]) -> ProgressShare:
+    def _of(cls, share: float, stage: str) -> ProgressShare:
         self = cls(share)
         self.stage = stage
-        self.seconds_left = seconds_left
         return self
 
 

@@ -12,8 +12,6 @@
 #include <utility>
 #include <vector>
 
-#include "base/nan.hpp"
-
 namespace tokid {
 
 namespace {
@@ -40,12 +38,8 @@ Execution share(const Execution& whole, double from, double to, const std::strin
   Execution part{whole.threads, {}};
   if (!whole.progress) return part;
   part.progress = [report = whole.progress, from, to, stage](ProgressReport own) {
-    if (!stage.empty()) {
-      if (own.stage.empty()) own.stage_share = own.share;
-      own.stage = own.stage.empty() ? stage : stage + ": " + own.stage;
-    }
+    if (!stage.empty()) own.stage = own.stage.empty() ? stage : stage + ": " + own.stage;
     own.share = from + (to - from) * own.share;
-    if (to - from < 1) own.seconds_left = nan;  // it ends before the whole does
     report(own);
   };
   return part;

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cmath>
 #include <mutex>
 #include <string>
 
@@ -9,46 +10,33 @@
 
 namespace tokid {
 
-// Counts work in units that take about the same time, such as iterations of one fold. Only usual amounts of work are
-// stated beforehand. If U units are usual for a part and u are done, U·exp(−u/U) are expected to follow. That is about
-// U − u at first, and always more than zero. The share moves as if exactly this work followed. So it neither stands
-// still nor decreases if the search takes more or less work than usual.
+// Counts units of work that take about the same time, such as iterations of one fold. Each unit finishes the same share
+// of the work that is left. So the share neither stands still nor reaches its end, however much work the search takes.
 class SearchProgress {
  public:
-  // The search takes the progress of `execution` from `from` to `to`.
-  explicit SearchProgress(const Execution& execution, double from = 0.0, double to = 1.0);
+  // `usual`: usual number of units.
+  SearchProgress(const Execution& execution, double usual) : execution_(execution), usual_(usual) {}
   SearchProgress(const SearchProgress&) = delete;
   SearchProgress& operator=(const SearchProgress&) = delete;
 
-  // Begins a part. `stage`: its name; empty: the one of `execution`. `usual`: its usual work, or its work if that is
-  // known. `later`: the usual work of all later parts of the search. [units]
-  enum class Amount { usual, known };
-  void begin(const std::string& stage, double usual, double later, Amount amount = Amount::usual);
-  void rename(const std::string& stage);
-  // Reports that the search is at its end.
-  void end();
+  void begin(const std::string& stage) {
+    const std::lock_guard lock(mutex_);
+    stage_ = stage;
+  }
   // The progress of work in which each report counts as so many units. Several threads may report at the same time.
-  Progress counted(double units = 1.0);
-  // From now on, reports state the time left, once `units` units are done. A unit is expected to take as long as those
-  // so far. `afterwards`: expected time of the work after the search [s].
-  void tell_time_after(double units, double afterwards) {
-    timed_ = units;
-    afterwards_ = afterwards;
+  Progress counted(double units = 1.0) {
+    if (!execution_.progress) return {};
+    return [this, units](const ProgressReport&) {
+      const std::lock_guard lock(mutex_);
+      done_ += units;
+      execution_.progress({1 - std::exp(-done_ / usual_), stage_});
+    };
   }
 
  private:
-  void advance(double units);
-  double left() const;
-  void report();
-
   Execution execution_;
-  double from_, to_;
-  TimeLeft::Clock::time_point began_ = TimeLeft::Clock::now();
-  double share_ = 0.0, done_ = 0.0;  // share of the search; units in all parts
+  double usual_, done_ = 0.0;
   std::string stage_;
-  double usual_ = 0.0, later_ = 0.0, part_ = 0.0;  // of the part; units done in it
-  Amount amount_ = Amount::usual;
-  double timed_ = 0.0, afterwards_ = 0.0;  // of tell_time_after(); 0: no time left is reported
   std::mutex mutex_;
 };
 

@@ -14,8 +14,8 @@ namespace tokid {
 
 namespace {
 
-// For the progress: numbers of orders that are usually tried, and of other λ of the regressions on states.
-constexpr double usual_orders = 8.0, usual_moves = 2.0;
+// For the progress: number of orders and of λ of the regressions on states that are usually tried.
+constexpr double usual_orders = 15.0;
 // Standard error of the difference of two models that were validated on the same folds.
 double standard_error(const std::vector<Errors>& a, const std::vector<Errors>& b) {
   const double count = double(a.size()), mean = mean_of(a).mean() - mean_of(b).mean();
@@ -271,10 +271,7 @@ OrderScores Folds::choose_states(std::optional<Index> states, Index most, const 
 }
 
 OrderScores Folds::choose_shown_states(std::optional<Index> states, Index most, const Execution& execution) const {
-  SearchProgress work(execution);
-  const double orders = states ? 1.0 : std::min(double(most), usual_orders),
-               moves = options_.variation.period > 0 ? 0.0 : usual_moves * std::min(orders, 3.0);
-  work.begin("", double(folds_.size()) * (double(options_.weightings.size()) * orders + moves), 0.0);
+  SearchProgress work(execution, double(folds_.size()) * usual_orders);
   const auto among = [&](Weighting weighting, double smoothing, Index least, Index largest) {
     return scores(weighting, smoothing, states.value_or(least), states.value_or(largest),
                   {execution.threads, work.counted()});

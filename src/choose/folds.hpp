@@ -51,8 +51,6 @@ Model refined(Model model, const Ensemble& data, Index from, Index to, const Ref
 Index refined_steps(const Ensemble& data, Index period);
 // The iterations at the end of the next stage.
 Index next_stage_end(Index iterations, const RefineOptions& options, double first);
-// The iterations between these ends, with those of the warm-ups.
-double all_iterations(Index from, Index to, const RefineOptions& options, double first);
 // Was EM best after so few iterations that more are not tried?
 bool stopped_early(Index iterations, const RefineOptions& options, double first);
 
@@ -92,12 +90,11 @@ class Folds {
   std::vector<Squares> squares(const std::vector<Model>& models, const Ahead& ahead) const;
   // Chooses n, the λ of EM and its iterations by the likelihood and the errors of held-out experiments. EM starts from
   // subspace models with the weighting of the scores. It begins with the fewest states that have nearly the smallest
-  // error, and keeps them if `states` are not better. More states than `states` must raise the likelihood significantly.
-  // Fewer must not reduce it significantly, and one number that fails is passed over.
-  // `smoothing`: the λ of EM, if it is stated. `work` counts iterations of one fold. `iteration`: an iteration with all
-  // data, in this unit.
+  // error, and keeps them if `states` are not better. More states than `states` must raise the likelihood
+  // significantly. Fewer must not reduce it significantly, and one number that fails is passed over. `smoothing`: the λ
+  // of EM, if it is stated. `work` counts iterations of one fold.
   RefinementOfFolds choose_refinement(Index states, const OrderRange& orders, const OrderScores& scores,
-                                      std::optional<double> smoothing, SearchProgress& work, double iteration) const;
+                                      std::optional<double> smoothing, SearchProgress& work) const;
 
  private:
   class Likelihood;

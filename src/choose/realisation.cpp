@@ -35,13 +35,8 @@ constexpr Index most_iterations = 480;
 // In a record so many times longer than the samples of the choices, regressions determine one model for all steps as
 // well as EM does, and EM is not tried unless it is asked for.
 constexpr Index enough_without_em = 8;
-// For the progress: the iterations of EM that tell how long one takes, and the time of outliers and validation relative
-// to that of the work between the regressions and EM. It was 0.2 to 0.5 for 50 × 200 to 10 × 10 000 samples.
-constexpr double timed_iterations = 30.0, part_afterwards = 0.3;
-
-double seconds_since(TimeLeft::Clock::time_point begin) {
-  return std::chrono::duration<double>(TimeLeft::Clock::now() - begin).count();
-}
+// For the progress: iterations of one fold in a search, and how many of them take as long as one with all experiments.
+constexpr double usual_iterations = 1500.0, fold_iterations = 1.5;
 
 // Takes the choices about the realisation from the options. The other choices are made later, from the data.
 Plan as_asked(const Ensemble& data, Plan plan, const IdentifyOptions& o) {
@@ -110,7 +105,7 @@ RefineOptions refine_options(const Plan& plan, const Execution& execution) {
   o.initial_state = plan.initial_state;
   o.feedthrough = plan.feedthrough.present;
   o.jumps = plan.choices.variation.jumps;
-  o.execution.threads = execution.threads;
+  o.execution = execution;
   return o;
 }
 
@@ -128,13 +123,6 @@ std::vector<Weighting> weightings(const Ensemble& selection, const Plan& plan, c
   return result;
 }
 
-// EM with all data, as a part of the progress of a search.
-struct EmOfAll {
-  SearchProgress& work;
-  double iteration = 1.0;  // an iteration, in units of the search
-  int threads = 1;
-};
-
 struct Refined {
   Model model;
   Errors errors;
@@ -145,13 +133,10 @@ struct Refined {
 // the folds. EM therefore goes on while its one-step error is larger than `expected`. If the folds stopped early, it
 // goes on only if the result would not be accepted. Of results that stay larger, the best one is returned.
 Refined refined_by(const Plan& plan, const Ensemble& data, const Model& begun, const Computed& like, double expected,
-                   const EmOfAll& em) {
-  RefineOptions options = refine_options(plan, {em.threads, {}});
-  options.execution.progress = em.work.counted(em.iteration);
+                   const Execution& execution) {
+  RefineOptions options = refine_options(plan, execution);
   const double first = plan.choices.refinement_first;
   const auto after = [&](const Model& model, Index from, Index to) {
-    em.work.begin("EM: all experiments", em.iteration * all_iterations(from, to, options, first), 0.0,
-                  SearchProgress::Amount::known);
     Refined result{refined(model, data, from, to, options, first), {}, to};
     result.errors = errors_of(computed_by(result.model, data, plan.initial_state, 0), data, plan.output_weights, &like);
     return result;
@@ -171,8 +156,8 @@ Refined refined_by(const Plan& plan, const Ensemble& data, const Model& begun, c
 // data may exceed the cross-validation error. Such a model is used only if its errors are clearly smaller than before
 // EM. EM minimises one-step errors only. If steps share a model, its errors over many steps must therefore not increase
 // either.
-void refine_if_better(const Ensemble& data, const GtvArx& arx, const RefinementChoice& choice, const EmOfAll& em,
-                      Realised& result) {
+void refine_if_better(const Ensemble& data, const GtvArx& arx, const RefinementChoice& choice,
+                      const Execution& execution, Realised& result) {
   const Plan plain = result.plan;
   const Index period = plain.choices.variation.period;
   const double allowed = std::log(tolerated);
@@ -197,8 +182,8 @@ void refine_if_better(const Ensemble& data, const GtvArx& arx, const RefinementC
     plan.choices.refinement_iterations = choice.iterations;
     Refined found;
     try {
-      const Model begun = realise(data, arx, {}, plan, {em.threads, {}});
-      found = refined_by(plan, data, begun, start, choice.one_step, em);
+      const Model begun = realise(data, arx, {}, plan, {execution.threads, {}});
+      found = refined_by(plan, data, begun, start, choice.one_step, execution);
     } catch (const std::runtime_error&) {
       continue;  // EM failed from this start
     }
@@ -266,20 +251,11 @@ std::vector<Jump> used_jumps(const std::vector<Jump>& found, const std::vector<I
   return result;
 }
 
-// An iteration of EM with all data, in iterations of one fold.
-double iteration_with_all(const Ensemble& data, const Ensemble& selection) {
-  const double folds = double(fold_count(selection.experiments()));
-  return double(data.experiments() * data.steps()) /
-         ((folds - 1) / folds * double(selection.experiments() * selection.steps()));
-}
-
 ChosenByFolds chosen_by_folds(const Ensemble& data, const Selection& selected, const Plan& decided, const GtvArx& arx,
                               const Ahead* ahead, const IdentifyOptions& options, const BeforeEm& before_em,
                               SearchProgress& work) {
   ChosenByFolds result;
   Plan& plan = result.plan = decided;
-  const Course course = course_of(options);
-  const TimeLeft::Clock::time_point begin = TimeLeft::Clock::now();
   const Ensemble& selection = *selected.samples;
   Folds folds(selection, {.lags = plan.lags,
                           .initial_state = selected.from_start ? plan.initial_state : InitialState::unknown,
@@ -288,14 +264,14 @@ ChosenByFolds chosen_by_folds(const Ensemble& data, const Selection& selected, c
                           .weightings = weightings(selection, plan, options),
                           .centred = is_centred(plan),
                           .output_weights = plan.output_weights,
-                          .execution = in_stage(options.execution, WorkStage::folds, course)});
+                          .execution = in_stage(options.execution, WorkStage::folds)});
   const Index most = plan.lags * data.outputs();
   const OrderScores& scores = result.scores =
-      folds.choose_states(options.states, most, in_stage(options.execution, WorkStage::states, course));
+      folds.choose_states(options.states, most, in_stage(options.execution, WorkStage::states));
   plan.choices.state_smoothing = scores.smoothing;
   plan.choices.weighting = scores.weighting;
   if (!options.states) plan.states = scores.best;
-  result.start = realise(data, arx, {}, plan, in_stage(options.execution, WorkStage::realisation, course));
+  result.start = realise(data, arx, {}, plan, in_stage(options.execution, WorkStage::realisation));
   const Index n = result.start.states();
   if (!tries_em(data, selected, plan, options) || n == 0 || n < plan.states) {
     if (ahead && scores.best > 0) result.squares = folds.squares(folds.models_of(scores), *ahead);
@@ -306,9 +282,7 @@ ChosenByFolds chosen_by_folds(const Ensemble& data, const Selection& selected, c
   const std::optional<double> stated = options.smoothing == 0.0 ? options.smoothing : std::nullopt;
   const OrderRange orders = options.states ? OrderRange{plan.states, plan.states} : OrderRange{1, most};
   if (before_em) before_em(result.start, plan);
-  work.tell_time_after(timed_iterations, part_afterwards * seconds_since(begin));
-  result.refinement =
-      folds.choose_refinement(plan.states, orders, scores, stated, work, iteration_with_all(data, selection));
+  result.refinement = folds.choose_refinement(plan.states, orders, scores, stated, work);
   if (ahead) result.squares = folds.squares(result.refinement->models, *ahead);
   return result;
 }
@@ -326,13 +300,12 @@ void realise_by_folds(const Ensemble& data, const Selection& selected, const Gtv
       plan.choices.variation.jumps.clear();
       for (const Jump& jump : choice.jumps) plan.choices.variation.jumps.push_back(selected.begin + jump.step);
     }
-    refine_if_better(data, arx, choice, {work, iteration_with_all(data, *selected.samples), options.execution.threads},
-                     result);
+    work.begin("all experiments");
+    refine_if_better(data, arx, choice, {options.execution.threads, work.counted(fold_iterations)}, result);
   } else {
     plan.choices.refinement_smoothing = choice.smoothing;
     result.refinement = std::move(choice);
   }
-  work.end();
   if (const double ratio = result.refinement.ahead.ratio; ratio > surely_ahead)
     result.findings.push_back({.kind = Finding::Kind::uncertain_ahead,
                                .numbers = {{"ratio", ratio}, {"horizon", double(OrderScores::horizon)}}});
@@ -345,8 +318,7 @@ void realise_by_folds(const Ensemble& data, const Selection& selected, const Gtv
 // both models is used.
 void realise_by_folds(const Ensemble& data, const Selection& selected, Regressed& regression,
                       const IdentifyOptions& options, const BeforeEm& before_em, Realised& result) {
-  const StageShares shares = shares_of(WorkStage::em, course_of(options));
-  SearchProgress work(options.execution, shares.from, shares.to);
+  SearchProgress work(in_stage(options.execution, WorkStage::em), usual_iterations);
   const std::optional<Rivals> rivals = regression.rivals;
   std::optional<RegressionErrors> errors;
   if (rivals) errors.emplace(*selected.samples, rivals->options, Folds::most_refined);
@@ -385,8 +357,7 @@ Realised realised(Ensemble&& data, const Selection& selection, Regressed& regres
   GtvArx& arx = regression.arx;
   Realised result;
   result.plan = as_asked(data, plan, options);
-  const Execution execution =
-      in_stage(options.execution, WorkStage::realisation, plan.noisy ? Course::noisy : Course::exact);
+  const Execution execution = in_stage(options.execution, WorkStage::realisation);
   if (result.plan.method == Method::tvera) {
     if (plan.noisy && !options.states) {
       realise_in_scored_order(data, std::move(arx), execution, result);
@@ -400,9 +371,7 @@ Realised realised(Ensemble&& data, const Selection& selection, Regressed& regres
     result.plan.choices.variation = variation;
     result.refinement.smoothing = result.plan.choices.refinement_smoothing;
     result.refinement.iterations = result.plan.choices.refinement_iterations;
-    const double from = shares_of(WorkStage::folds, Course::noisy).from,
-                 to = shares_of(WorkStage::em, Course::noisy).to;
-    result.model = realised_as(data, std::move(arx), result.plan, share(options.execution, from, to, "EM"));
+    result.model = realised_as(data, std::move(arx), result.plan, in_stage(options.execution, WorkStage::em));
   } else if (plan.noisy && plan.coupled && selection.samples->experiments() > 1) {
     realise_by_folds(data, selection, regression, options, before_em, result);
   } else {
@@ -422,8 +391,7 @@ Model realised_as(const Ensemble& data, GtvArx arx, const Plan& plan, const Exec
   Model model = realise(data, std::move(arx), data.free, plan, share(execution, 0.0, iterations > 0 ? until_em : 1.0));
   if (iterations == 0) return model;
   RefineOptions options = refine_options(plan, execution);
-  SearchProgress work(execution, until_em);
-  work.begin("", all_iterations(0, iterations, options, first), 0.0, SearchProgress::Amount::known);
+  SearchProgress work(share(execution, until_em, 1.0), double(iterations));
   options.execution.progress = work.counted();
   return refined(std::move(model), data, 0, iterations, options, first);
 }

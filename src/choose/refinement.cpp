@@ -103,9 +103,6 @@ constexpr double hopeless = 2.0;
 // After as many iterations, a number of states is given up if its likelihood is lower than that of the best one, and
 // chance would do that with less than this probability: five standard errors of many experiments, and more of few.
 constexpr double hopeless_probability = 3e-7;
-// For the progress: numbers of λ that are usually tried, in a search and beside another search, and numbers of times
-// that `longer` iterations usually follow for the best λ.
-constexpr double usual_tries = 6.0, usual_tries_beside = 2.0, usual_longer = 2.5;
 
 }  // namespace
 
@@ -169,15 +166,12 @@ Vector log_likelihoods_with(const Vector& variances, Model model, const Ensemble
 // The cross-validation of EM for one number of states.
 class Folds::RefinementSearch {
  public:
-  // `rest`: usual units of work of other searches and of last stages. `iteration`: units of an iteration with all data.
   // `trials`: of all searches, to which this one adds its own.
   RefinementSearch(const Folds& folds, Index states, const OrderScores& scores, std::vector<Index> jumps,
-                   SearchProgress& work, double rest, double iteration, std::vector<RefinementTrial>& trials)
+                   SearchProgress& work, std::vector<RefinementTrial>& trials)
       : folds_(folds),
         work_(work),
         trials_(trials),
-        rest_(rest),
-        iteration_(iteration),
         jumps_(std::move(jumps)),
         count_(std::min(folds.folds_.size(), size_t(most_refined))),
         starts_(count_),
@@ -202,21 +196,16 @@ class Folds::RefinementSearch {
     trials_.push_back({.states = states, .error = choice_.error});
   }
 
-  // Only the last stages follow, and no search for other numbers of states.
-  void is_last() { rest_ = 0.0; }
-
   // Tries λ, or only the given one. A longer stage follows only for the best λ.
   void run(std::optional<double> smoothing_given) {
     if (folds_.options_.variation.period == 1) smoothing_given = 0.0;
-    searched_ = true;
-    work_.begin("EM", (smoothing_given ? 1 : usual_tries) * iterations_of_attempt(), longer_work() + after());
+    work_.begin(words::plural(choice_.states, "state"));
     if (smoothing_given)
       attempt(*smoothing_given);
     else
       choose_smoothing();
     if (!smoothing_given && !empty() && least_error()->error() > choice_.error) approach_start();
     if (empty()) return;
-    work_.begin("EM: more iterations", longer_work(), after());
     if (!folds_.pooled()) drop_needless_jumps();
     if (!climbs() || !jumps_.empty())
       continue_best();
@@ -234,8 +223,6 @@ class Folds::RefinementSearch {
 
   // The last stages of the number of states that was chosen.
   void finish() {
-    rest_ = 0.0;
-    work_.begin("EM: more iterations", double(count_) * longest, after(), SearchProgress::Amount::known);
     if (!empty()) continue_best();
   }
 
@@ -325,22 +312,6 @@ class Folds::RefinementSearch {
     return best;
   }
 
-  // The usual work, in iterations of one fold.
-  double iterations_of_attempt() const {
-    const RefineOptions o = options(usual);
-    double all = 0.0;
-    for (const Stage& stage : schedule_of(o, first_).first)
-      all += double(stage.iterations) * (stage.warm_up ? 2.0 : 1.0);
-    return double(count_) * (climbs() ? rung_iterations : all);
-  }
-  // After this search: EM with all data has the iterations that are the best so far.
-  double after() const {
-    const double iterations = empty() ? (climbs() ? longest : iterations_of_attempt() / double(count_))
-                                      : all_iterations(0, chosen()->iterations, options(smoothing()), first_);
-    return rest_ + iteration_ * iterations;
-  }
-  double longer_work() const { return double(count_) * (climbs() ? usual_longer * longer : longest / 2); }
-
   template <class Change>
   void for_each_fold(Change&& change) {
     parallel_for(0, Index(count_), {folds_.options_.execution.threads, {}}, [&](Index begin, Index end) {
@@ -350,8 +321,7 @@ class Folds::RefinementSearch {
 
   void search_beside(const RefinementSearch& other) {
     const double from = other.smoothing();
-    work_.begin(fmt::format("EM: trying {}", words::plural(choice_.states, "state")),
-                usual_tries_beside * iterations_of_attempt(), after());
+    work_.begin(words::plural(choice_.states, "state"));
     Likelihood most = attempt(from);
     if (empty() || least_error()->error() > other.error() + std::log(hopeless)) return;
     if (!folds_.pooled() && behind(other, attempts_.back())) return;
@@ -497,9 +467,6 @@ class Folds::RefinementSearch {
     const auto same = [&](double other) { return same_smoothing(other, smoothing); };
     if (std::none_of(tried_.begin(), tried_.end(), same)) {
       tried_.push_back(smoothing);
-      if (searched_)
-        work_.rename(fmt::format("EM: lambda, attempt {} of about {}", tried_.size(),
-                                 std::max(tried_.size(), size_t(usual_tries))));
       for (const Attempt& stage : way_to(smoothing).stages) keep(stage);
       if (!jumps_.empty())
         go_on(smoothing);  // with a jump, a large λ shows that it is the best only after more iterations
@@ -601,8 +568,6 @@ class Folds::RefinementSearch {
   const Folds& folds_;
   SearchProgress& work_;
   std::vector<RefinementTrial>& trials_;
-  double rest_, iteration_;  // of the constructor
-  bool searched_ = false;    // for the best λ, not beside another search
   std::vector<Index> jumps_;
   size_t count_;
   std::vector<Model> starts_;                     // subspace models
@@ -622,14 +587,8 @@ class Folds::RefinementSearch {
 class Folds::OrderSearch {
  public:
   OrderSearch(const Folds& folds, const OrderRange& orders, const OrderScores& scores, std::optional<double> smoothing,
-              SearchProgress& work, double iteration)
-      : folds_(folds),
-        orders_(orders),
-        scores_(scores),
-        smoothing_(smoothing),
-        work_(work),
-        iteration_(iteration),
-        fold_count_(double(std::min(folds.folds_.size(), size_t(most_refined)))) {}
+              SearchProgress& work)
+      : folds_(folds), orders_(orders), scores_(scores), smoothing_(smoothing), work_(work) {}
 
   RefinementOfFolds run(Index states) {
     const Index fewest = orders_.fewest < orders_.most ? scores_.fewest_within(most_uncertain) : states;
@@ -638,8 +597,7 @@ class Folds::OrderSearch {
     if (first != plain && !fewer_suffice(*first, *refined(plain))) best_ = plain;
     if (best_ == plain) try_more();
     if (best_->states() <= states) try_fewer(fewest, first);
-    if (best_ != first && !smoothing_)  // the best λ may differ for this number of states
-      best_->is_last(), best_->run({});
+    if (best_ != first && !smoothing_) best_->run({});  // the best λ may differ for this number of states
     best_->finish();
     std::optional<RefinementOfFolds> result = best_->better_than(*plain);
     if (!result && best_ != plain) result = plain->better_than(*plain);
@@ -653,11 +611,8 @@ class Folds::OrderSearch {
 
   // Before EM.
   Search begun(Index n) {
-    const double last = fold_count_ * longest,
-                 beside = orders_.most > orders_.fewest ? usual_tries_beside * fold_count_ * longer : 0.0;
     return std::make_shared<RefinementSearch>(folds_, n, scores_,
-                                              best_ ? best_->jumps() : folds_.options_.variation.jumps, work_,
-                                              beside + last, iteration_, trials_);
+                                              best_ ? best_->jumps() : folds_.options_.variation.jumps, work_, trials_);
   }
 
   // With EM: at the λ of the best search and around it, if there is one.
@@ -711,15 +666,13 @@ class Folds::OrderSearch {
   const OrderScores& scores_;
   std::optional<double> smoothing_;
   SearchProgress& work_;
-  double iteration_, fold_count_;
   Search best_;
   std::vector<RefinementTrial> trials_;  // of all searches
 };
 
 RefinementOfFolds Folds::choose_refinement(Index states, const OrderRange& orders, const OrderScores& scores,
-                                           std::optional<double> smoothing, SearchProgress& work,
-                                           double iteration) const {
-  return OrderSearch(*this, orders, scores, smoothing, work, iteration).run(states);
+                                           std::optional<double> smoothing, SearchProgress& work) const {
+  return OrderSearch(*this, orders, scores, smoothing, work).run(states);
 }
 
 namespace {
@@ -753,16 +706,6 @@ Model refined(Model model, const Ensemble& data, Index from, Index to, const Ref
   }
   for (; from < to; from += last.iterations) model = refined_in(last, model, data, samples, options);
   return model;
-}
-
-double all_iterations(Index from, Index to, const RefineOptions& options, double first) {
-  double all = 0.0;
-  Index end = 0;
-  for (const Stage& stage : schedule_of(options, first).all()) {
-    end += stage.iterations;
-    if (end > from && end <= to) all += double(stage.iterations) * (stage.warm_up ? 2.0 : 1.0);
-  }
-  return std::max(all, double(to - from));
 }
 
 Index next_stage_end(Index iterations, const RefineOptions& options, double first) {

@@ -78,7 +78,7 @@ void choose_lags(const Ensemble& data, const IdentifyOptions& options, Regressed
   const Index testable = largest_lag_order(effective_experiments(data, result.plan.nominal) - 1, data.inputs(),
                                            data.outputs(), o.feedthrough);
   o.p_max = std::min({most_lags, testable, (data.steps() - 1) / 2});
-  o.execution = in_stage(options.execution, WorkStage::lags, Course::unknown);
+  o.execution = in_stage(options.execution, WorkStage::lags);
   result.plan.lags = needed;
   if (o.p_max >= needed && o.p_max >= 1) {
     result.lag_order_errors = lag_order_errors(data, o);
@@ -155,7 +155,7 @@ Regressed each_step_alone(const Ensemble& data, const Plan& stated, const Identi
     choose_lags(data, options, result);
   check_size(data, result.plan, options.method == Method::tvera);
   // Unless they are stated, initial states are assumed to be zero if the residuals do not contradict this.
-  result.arx = regressions(data, result.plan, in_stage(options.execution, WorkStage::each_step, Course::unknown));
+  result.arx = regressions(data, result.plan, in_stage(options.execution, WorkStage::each_step));
   GtvArx& arx = result.arx;
   if (const auto known = stated_initial_state(data, options))
     result.initial_state_test = *known;
@@ -225,7 +225,7 @@ void choose_variation(const Ensemble& data, const Ensemble& selection, const Ide
   if (options.period == 0 && selection.experiments() > 1) {
     o.period = 1;
     o.lags = lag_candidates(selection, data, plan.nominal, o.initial_state, o.period, options);
-    o.execution = share(in_stage(options.execution, WorkStage::variation, course_of(options)), 0.7, 1.0);
+    o.execution = share(in_stage(options.execution, WorkStage::variation), 0.7, 1.0);
     constant = choose_smoothing(selection, o);
     for (SmoothingTrial trial : constant->trials) {
       trial.smoothing = std::numeric_limits<double>::infinity();
@@ -269,7 +269,7 @@ Regressed coupled(const Ensemble& data, const Selection& selected, const Plan& s
   o.smoothing = options.smoothing;
   o.centred = is_centred(plan);
   o.output_weights = plan.output_weights;
-  o.execution = share(in_stage(options.execution, WorkStage::variation, course_of(options)), 0.0, 0.7);
+  o.execution = share(in_stage(options.execution, WorkStage::variation), 0.0, 0.7);
   const Index regressors = unknowns_of(data, o.lags.back(), plan.feedthrough.present);
   o.folds = regressors > 100 ? 3 : fold_count(selection.experiments());
   o.steps = std::clamp<Index>(Index{256} * 60 * 60 / (regressors * regressors), 64, 256);
@@ -312,7 +312,7 @@ Regressed coupled(const Ensemble& data, const Selection& selected, const Plan& s
     append(result.findings, findings_of(survey, sizes, true));
   }
 
-  const Execution execution = in_stage(options.execution, WorkStage::together, course_of(options));
+  const Execution execution = in_stage(options.execution, WorkStage::together);
   if (known) {
     result.initial_state_test = *known;
   } else if (variation.period > 0) {
@@ -364,9 +364,8 @@ Regressed with_stated_feedthrough(const Ensemble& data, const Selection& selecti
 Regressed regressed(const Ensemble& data, const Selection& selection, bool nominal, const IdentifyOptions& options) {
   Regressed result = with_stated_feedthrough(data, selection, nominal, options);
   if (options.feedthrough) return result;
-  result.plan.feedthrough = choose_feedthrough(
-      *selection.samples, result.plan,
-      in_stage(options.execution, WorkStage::feedthrough, result.plan.coupled ? course_of(options) : Course::exact));
+  result.plan.feedthrough =
+      choose_feedthrough(*selection.samples, result.plan, in_stage(options.execution, WorkStage::feedthrough));
   if (!result.plan.feedthrough.present) result.arx = regressions(data, result.plan, {options.execution.threads, {}});
   append(result.findings, findings_of(result.plan.feedthrough, data.names));
   return result;

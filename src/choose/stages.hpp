@@ -2,7 +2,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include "tokid/options.hpp"
 #include "tokid/parallel.hpp"
 
 namespace tokid {
@@ -21,17 +20,7 @@ enum class WorkStage {
   validation,
 };
 
-// What is known about the work that follows. Regressions of each step alone tell whether there is noise.
-enum class Course { unknown, exact, noisy, noisy_with_em };
-
-struct StageShares {
-  double from = 0.0, to = 1.0;
-};
-// The course of an identification of noisy data: with EM or without.
-Course course_of(const IdentifyOptions& options);
-StageShares shares_of(WorkStage stage, Course course);
-// The execution of one stage. If EM may follow, the amount of work is open before it. The short work after EM states no
-// time left either.
-Execution in_stage(const Execution& whole, WorkStage stage, Course course);
+// The execution of one stage, which reports its share of the whole.
+Execution in_stage(const Execution& whole, WorkStage stage);
 
 }  // namespace tokid

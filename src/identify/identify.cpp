@@ -422,10 +422,9 @@ Identification identified(const Ensemble& used, const Vector& weights, const Mea
   prepared.data = {};  // frees memory for what follows
   ValidateOptions validation;
   validation.initial_state = result.plan.initial_state;
-  const Course course = !result.plan.noisy ? Course::exact : result.plan.coupled ? course_of(options) : Course::noisy;
   if (measured) {
     IdentifyOptions examining = options;
-    examining.execution = in_stage(options.execution, WorkStage::examination, course);
+    examining.execution = in_stage(options.execution, WorkStage::examination);
     ExperimentFindings found =
         experiment_findings(late ? late->data : used, *measured, parts.held_out_rows, late ? late->model : result.model,
                             late ? late->plan : result.plan, examining);
@@ -448,7 +447,7 @@ Identification identified(const Ensemble& used, const Vector& weights, const Mea
   result.model.provenance.data = {fingerprint(training)};
   result.model.provenance.dt_stated = training.dt_stated;
   if (validating) {
-    const Execution execution = in_stage(options.execution, WorkStage::validation, course);
+    const Execution execution = in_stage(options.execution, WorkStage::validation);
     if (execution.progress) execution.progress({});
     result.validation =
         validated(result.model, training, holding_out ? &parts.held_out : nullptr, measured, validation);

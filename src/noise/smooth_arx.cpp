@@ -308,9 +308,8 @@ SmoothingChoice choose_smoothing(const Ensemble& ensemble, const SmoothingOption
   }
   if (options.period == 1) weights = {0.0};
 
-  SearchProgress work(options.execution);
+  SearchProgress work(options.execution, std::min(usual_pairs, double(options.lags.size() * weights.size())));
   CandidateErrors candidates(ensemble, options, work);
-  work.begin("", std::min(usual_pairs, double(options.lags.size() * weights.size())), 0.0);
   const auto error = [&](Index p, Index w) { return candidates.error(options.lags[size_t(p)], weights[size_t(w)]); };
   Index lag = Index(options.lags.size()) / 2;
   for (bool moved = true; moved;) {

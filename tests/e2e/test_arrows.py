@@ -8,7 +8,7 @@ import re
 from conftest import ROOT
 
 # Who owns a public header that has no source of its name.
-OWNERS = {"types": "base", "printable": "base", "team": "base", "validate": "model", "subspace": "noise",
+OWNERS = {"types": "base", "printable": "base", "progress": "base", "team": "base", "validate": "model", "subspace": "noise",
           "outlier": "diagnose", "choices": "choose", "stream": "large", "io": "io",
           "uncertainty": "uncertainty", "design": "design", "report": "report"}
 EVERYTHING = "tokid/tokid"  # the header that includes all others
