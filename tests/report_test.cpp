@@ -732,7 +732,7 @@ TEST(Verdict, DoesNotPassWhatItCannotTest) {
 }
 
 TEST(Verdict, TakesTheLargestErrorOfOneLongRecordForChance) {
-  Model model = constant_system({2, 1, 2}, 4000, 0.5, 3);
+  Model model = constant_system({2, 2, 1}, 4000, 0.5, 3);
   model.period = 1;
   for (Step& step : model.step) step.G().setZero();
   const Ensemble rest = random_experiments(model, 1, 4);
