@@ -87,7 +87,8 @@ TEST(FirstSteps, BelongToEveryModelFromUnknownInitialStates) {
   }
 }
 
-// Almost without noise, copies of matrices are far from those of the first steps. They leave the later steps alone.
+// Almost without noise, copies of matrices are far from those of the first steps. They leave the later steps alone, or
+// are not used.
 TEST(FirstSteps, SpoilNoLaterStep) {
   constexpr double noise = 1e-6;
   for (const SystemSize& size : sizes) {
@@ -103,9 +104,9 @@ TEST(FirstSteps, SpoilNoLaterStep) {
                                  .initial_state = InitialState::unknown});
     };
     const Ensemble fresh = measured(14);
-    const Model found = identify(measured(13), {.states = size.n}).model;
-    EXPECT_EQ(found.k_begin, 0);
-    EXPECT_LE(one_step_error(found, fresh, 25, 55), 3 * one_step_error(kalman_observer(truth), fresh, 25, 55));
+    const Model found = identify(measured(13), {.states = size.n, .refine = false}).model;
+    EXPECT_TRUE(found.k_begin == 0 || found.k_begin == found.at(30).lags()) << found.k_begin;
+    EXPECT_LE(one_step_error(found, fresh, 25, 55), 1.5 * one_step_error(kalman_observer(truth), fresh, 25, 55));
   }
 }
 

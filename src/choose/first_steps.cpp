@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "choose/first_steps.hpp"
 
+#include <cmath>
+#include <limits>
 #include <stdexcept>
 #include <utility>
 
@@ -9,6 +11,7 @@
 #include "tokid/em.hpp"
 #include "tokid/linalg.hpp"
 #include "tokid/observer.hpp"
+#include "tokid/validate.hpp"
 
 namespace tokid {
 
@@ -20,6 +23,8 @@ constexpr double shared_tolerance = 1e-8;
 constexpr double least_noise = 0.02;
 // Exact outputs begin with noise of this share of the largest one. EM raises it to its own floor.
 constexpr double of_exact = 1e-20;
+// Predictions from step 0 on are given up if they spoil those of the later steps by this factor.
+constexpr double spoiled = 2.0;
 
 bool can_begin_earlier(const Model& model, InitialState initial) {
   return initial == InitialState::unknown && model.x0_mean.size() == 0 && model.states() > 0 &&
@@ -89,14 +94,11 @@ Model with_noise(const Model& start, const Ensemble& departures, InitialState in
   return refine(start, departures, o).model;
 }
 
-}  // namespace
-
-Model with_first_steps(const Model& late, const Ensemble& departures, InitialState initial, int threads) {
-  if (!can_begin_earlier(late, initial)) return late;
+Model begun_earlier(const Model& late, const Ensemble& departures, InitialState initial, int threads) {
   if (const Index steps = refined_steps(departures, late.period); steps < departures.steps()) {
     Model part = late;
     part.step.resize(size_t(std::min(steps, late.steps())));
-    part = with_first_steps(part, stretch(departures, 0, steps), initial, threads);
+    part = begun_earlier(part, stretch(departures, 0, steps), initial, threads);
     return part.k_begin < late.k_begin || part.x0_mean.size() > 0 ? continued(std::move(part), late.k_end()) : late;
   }
   const Index rows = estimation_window(late), begin = late.full_begin();
@@ -125,6 +127,31 @@ Model with_first_steps(const Model& late, const Ensemble& departures, InitialSta
   } catch (const std::runtime_error&) {
     return late;
   }
+}
+
+// The one-step errors of `model` at the first steps of `late`, relative to those that the regressions of `late` have
+// there: mean over the outputs of the logarithm.
+double excess_error(const Model& model, const Model& late, const Ensemble& departures, InitialState initial) {
+  const Index begin = late.full_begin(), end = std::min(departures.steps(), 2 * begin + estimation_window(late));
+  const Ensemble predicted = predict(of_departures(model, departures), departures, {1, initial}).y;
+  Eigen::ArrayXd found = Eigen::ArrayXd::Zero(departures.outputs()), expected = found, sizes = found;
+  for (Index k = begin; k < end; ++k) {
+    const Eigen::ArrayXXd y = departures.output(k), e = y - predicted.output(k).array();
+    const Eigen::ArrayXd counts = e.isFinite().cast<double>().colwise().sum().transpose();
+    found += e.isFinite().select(e.square(), 0.0).colwise().sum().transpose();
+    expected += counts * late.at(k).innovation_cov().diagonal().array();
+    sizes += e.isFinite().select(y.square(), 0.0).colwise().sum().transpose();
+  }
+  const Eigen::ArrayXd rounding = of_exact * sizes + std::numeric_limits<double>::min();
+  return 0.5 * ((found + rounding) / (expected + rounding)).log().mean();
+}
+
+}  // namespace
+
+Model with_first_steps(const Model& late, const Ensemble& departures, InitialState initial, int threads) {
+  if (!can_begin_earlier(late, initial)) return late;
+  Model earlier = begun_earlier(late, departures, initial, threads);
+  return excess_error(earlier, late, departures, initial) <= std::log(spoiled) ? earlier : late;
 }
 
 }  // namespace tokid

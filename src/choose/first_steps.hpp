@@ -9,8 +9,8 @@ namespace tokid {
 
 // A subspace model cannot predict the first samples if the initial states are unknown. Here, its first matrices also
 // serve the steps before. EM with known matrices estimates the noise and the distribution of x_0, so that predictions
-// begin at step 0. Returns the given model if it knows x_0, if the initial states are zero, without noise, or if EM
-// fails.
+// begin at step 0. Returns the given model if it knows x_0, if the initial states are zero, without noise, if EM fails,
+// or if the predictions of the first steps of the given model would become far worse.
 Model with_first_steps(const Model& late, const Ensemble& departures, InitialState initial, int threads);
 
 }  // namespace tokid

@@ -63,15 +63,11 @@ Index OrderScores::fewest_within(double factor) const {
   return best;
 }
 
-namespace {
-
 Model of_departures(Model model, const Ensemble& data) {
   model.y_nominal = Matrix::Zero(data.steps(), data.outputs());
   model.u_nominal = Matrix::Zero(data.steps(), data.inputs());
   return model;
 }
-
-}  // namespace
 
 Ensemble ahead_by(Model model, const Ensemble& data, InitialState initial) {
   const Index horizon = std::min(OrderScores::horizon, std::max<Index>(1, data.steps() - 1));

@@ -36,6 +36,7 @@ struct Computed {
   Ensemble one_step, ahead, simulation;
 };
 Computed computed_by(Model model, const Ensemble& data, InitialState initial, Index first);
+Model of_departures(Model model, const Ensemble& data);  // with a mean motion of zero
 // The predictions of OrderScores::horizon steps alone.
 Ensemble ahead_by(Model model, const Ensemble& data, InitialState initial);
 // `weights`: of the outputs, as in Plan. With `like`, the errors cover only the samples that `like` contains too.
