@@ -114,6 +114,30 @@ TEST(Folds, ChooseTheSimulatedOrder) {
   }
 }
 
+// With too few states, a model of a varying system may predict worse the more states it has. The regressions show that
+// more are needed.
+TEST(Folds, GoOnWhileRegressionsPredictFarBetter) {
+  const SystemSize size{8, 4, 5};
+  for (const std::uint64_t seed : {1u, 2u, 3u}) {
+    Model system = constant_system(size, 100, 0.95, seed);
+    const Model other = constant_system(size, 100, 0.95, seed + 100);
+    for (Index k = 0; k < 100; ++k) {
+      const double change = 0.3 * std::sin(0.06 * double(k));
+      system.at(k).A() *= 1 + 0.1 * change;
+      system.at(k).B() += change * other.at(k).B();
+      system.at(k).C() += change * other.at(k).C();
+      system.at(k).D() += change * other.at(k).D();
+    }
+    const Ensemble e = with_noise(random_experiments(system, 12, seed + 10), 1e-7, seed + 20);
+    Folds::Options o;
+    o.lags = 3;
+    o.variation = {3e-3, 0};
+    const OrderScores scores = Folds(e, o).choose_states({}, 12);
+    EXPECT_GE(scores.best, size.n) << seed;
+    EXPECT_GT(scores.one_step[4], scores.one_step[0]) << seed;
+  }
+}
+
 TEST(OrderScores, FewestStatesWithinAFactor) {
   OrderScores scores;
   for (const double error : {1.0, 0.101, 0.1005, 0.1})

@@ -16,6 +16,8 @@ namespace {
 
 // For the progress: number of orders and of λ of the regressions on states that are usually tried.
 constexpr double usual_orders = 15.0;
+// A model whose one-step error is larger by this factor than that of the regressions may lack states.
+constexpr double far_from_regression = 2.0;
 // Standard error of the difference of two models that were validated on the same folds.
 double standard_error(const std::vector<Errors>& a, const std::vector<Errors>& b) {
   const double count = double(a.size()), mean = mean_of(a).mean() - mean_of(b).mean();
@@ -112,17 +114,20 @@ Errors errors_of(Computed computed, const Ensemble& data, const Vector& weights,
 
 namespace {
 
-// Squared error of the outputs that a regression computes from the inputs alone, over the squared outputs: weighted
-// mean of the logs of all outputs. The outputs before step `first` are given. Missing samples count as zero.
-double simulation_error(const GtvArx& arx, const Ensemble& measured, Index first, const Vector& weights) {
+// Squared error of the outputs that a regression computes, over the squared outputs: weighted mean of the logs of all
+// outputs. The regression gets the measured outputs of the steps before (`one_step`), or the inputs alone and the
+// outputs before step `first`. Missing samples count as zero.
+double regression_error(const GtvArx& arx, const Ensemble& measured, Index first, const Vector& weights,
+                        bool one_step) {
   const Index m = measured.outputs(), d = measured.channels();
   Ensemble e = measured;
   e.samples() = measured.samples().array().isNaN().select(0.0, measured.samples());
   Vector errors = Vector::Zero(m), sizes = errors;
   for (Index k = first; k < e.steps(); ++k) {
     const Index from = (k - arx.step[size_t(k)].lags) * d;
-    e.output(k) = (e.samples().middleCols(from, arx.regressors(k)) * arx.coefficients(k).transpose()).eval();
-    const Eigen::ArrayXXd y = measured.output(k), error = y - e.output(k).array();
+    const Matrix computed = e.samples().middleCols(from, arx.regressors(k)) * arx.coefficients(k).transpose();
+    const Eigen::ArrayXXd y = measured.output(k), error = y - computed.array();
+    if (!one_step) e.output(k) = computed;
     errors += error.isNaN().select(0.0, error.square()).colwise().sum().matrix().transpose();
     sizes += error.isNaN().select(0.0, y.square()).colwise().sum().matrix().transpose();
   }
@@ -151,11 +156,15 @@ Folds::Folds(const Ensemble& ensemble, const Options& options) : options_(option
     }
   });
   factorise(0);
-  double error = 0.0;
-  for (const Fold& own : folds_)
-    error += simulation_error(own.arx, own.data.held_out, std::max(own.arx.k_begin, first_),
-                              weights_of(options.output_weights, own.arx.outputs));
-  simulates_ = !(error > 0.0);
+  const auto mean_error = [&](bool one_step) {
+    double error = 0.0;
+    for (const Fold& own : folds_)
+      error += regression_error(own.arx, own.data.held_out, std::max(own.arx.k_begin, first_),
+                                weights_of(options.output_weights, own.arx.outputs), one_step);
+    return error / double(folds_.size());
+  };
+  simulates_ = !(mean_error(false) > 0.0);
+  regression_one_step_ = 0.5 * mean_error(true);
 }
 
 // `future`: as in SubspaceOptions
@@ -233,7 +242,8 @@ std::vector<Squares> Folds::squares(const std::vector<Model>& models, const Ahea
   return result;
 }
 
-// Tries increasing orders. Stops when `patience` orders after the best order had no smaller error.
+// Tries increasing orders. Stops when `patience` orders after the best order had no smaller error, unless the regressions
+// predict far better by one step: with more states, models come near them.
 OrderScores Folds::scores(Weighting weighting, double smoothing, Index least, Index most,
                           const Execution& execution) const {
   OrderScores result;
@@ -242,7 +252,8 @@ OrderScores Folds::scores(Weighting weighting, double smoothing, Index least, In
   result.cross_validated = true;
   size_t best = 0;
   std::vector<std::vector<Errors>> of_order;
-  for (Index n = least; n <= most && n <= least + Index(best) + patience; ++n) {
+  bool far = true;
+  for (Index n = least; n <= most && (far || n <= least + Index(best) + patience); ++n) {
     const auto found = errors_of_folds(
         folds_.size(), n, [&](size_t f) { return start(f, n, weighting, smoothing); }, first_, execution);
     if (!found) break;
@@ -250,17 +261,19 @@ OrderScores Folds::scores(Weighting weighting, double smoothing, Index least, In
     const Errors errors = mean_of(*found);
     result.add(n, errors.one_step, errors.ahead, errors.simulation);
     if (errors.mean() <= result.smallest) best = of_order.size() - 1;
+    far = result.one_step[best] > regression_one_step_ + std::log(far_from_regression);
   }
   for (const auto& found : of_order) result.uncertainty.push_back(standard_error(found, of_order[best]));
   result.choose();
   return result;
 }
 
-// If n reaches the number of singular values that the factors show, factors with all p block rows show more.
+// If the search reaches the number of singular values that the factors show, factors with all p block rows show more.
 OrderScores Folds::choose_states(std::optional<Index> states, Index most, const Execution& execution) {
   const OrderScores found = choose_shown_states(states, most, execution);
   const PredictorFactors& factors = folds_.front().factors.at(options_.weightings.front());
-  if (factors.future >= options_.lags || (found.best > 0 && found.best < factors.future * folds_.front().arx.outputs))
+  const Index shown = factors.future * folds_.front().arx.outputs;
+  if (factors.future >= options_.lags || (found.best > 0 && found.best < shown && found.states.back() < shown))
     return found;
   factorise(options_.lags);
   return choose_shown_states(states, most, execution);

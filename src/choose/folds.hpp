@@ -124,6 +124,7 @@ class Folds {
   // Errors of simulations count. They do not if regressions simulate worse than the mean motion: the plant is
   // then unstable, or noise moves it more than its inputs.
   bool simulates_ = true;
+  double regression_one_step_ = 0.0;  // the one-step error of the regressions, as in Errors
 };
 
 }  // namespace tokid
