@@ -196,7 +196,7 @@ OutputBounds prediction_bounds(const GtvArx& arx, const Ensemble& data, const Bo
   parallel_for(arx.k_begin, steps, options.execution, [&](Index begin, Index end) {
     for (Index k = begin; k < end; ++k) {
       const GtvArxStep& step = arx.step[size_t(k)];
-      const auto windows = data.window(k, step.lags);
+      const auto windows = data.window(k, step.lags).leftCols(arx.regressors(k));
       const Vector leverages = uncertainty::leverages(arx, k, windows).array() + nominal_leverage(step) + 1.0;
       const Matrix carried = carried_variances(arx, k, k);
       Variance variance(m, experiments);
