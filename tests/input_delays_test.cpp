@@ -13,16 +13,18 @@
 namespace tokid::testing::input_delays {
 namespace {
 
-// y of a plant of two states behind dead times, with white inputs. `variation`: of its frequency over time.
+// y of a plant of two states behind dead times, with white inputs. `variation`: of its frequency over time. `weak`: the
+// effect of the last of several inputs, relative to the others.
 Ensemble plant(Index experiments, Index steps, const std::vector<Index>& delays, double noise, std::uint64_t seed,
-               double variation = 0.2) {
+               double variation = 0.2, double weak = 1.0) {
   RandomNumbers random(seed);
   const Index r = Index(delays.size());
   Ensemble e(experiments, steps, r, 2);
   for (Index k = 0; k < steps; ++k)
     for (Index n = 0; n < experiments; ++n)
       for (Index i = 0; i < r; ++i) e.u(n, k, i) = random.normal();
-  const Ensemble v = delayed(e, delays);
+  Ensemble v = delayed(e, delays);
+  for (Index k = 0; k < steps; ++k) v.input(k).col(r - 1) *= weak;
   Matrix x = Matrix::Zero(experiments, 2);
   for (Index k = 0; k < steps; ++k) {
     e.output(k) = x;
@@ -87,6 +89,19 @@ TEST(InputDelays, AreMostlyExactAlmostWithoutNoise) {
       }
     }
   EXPECT_GE(3 * exact, 2 * all);
+}
+
+// An input of little effect shows its dead time only beside an input with the same one. Without that, it has none.
+TEST(InputDelays, OfWeakInputsAreThoseOfOthers) {
+  Index found = 0;
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    const std::vector<Index> same = find_delays(plant(12, 80, {9, 9}, 0.5, seed, 0.2, 0.2), {}),
+                             none = find_delays(plant(12, 80, {9, 0}, 0.5, seed, 0.2, 0.2), {});
+    ASSERT_EQ(none.size(), 2u);
+    EXPECT_EQ(none[1], 0) << seed;
+    found += same.size() == 2 && same[1] >= 7;
+  }
+  EXPECT_GE(found, 18);
 }
 
 TEST(InputDelays, AreNotFoundWhereThereAreNone) {
