@@ -118,6 +118,15 @@ TEST(Identify, TimeInvariantSystemsGiveTheModelOfClassicalEra) {
   EXPECT_LE((poles - truth).norm(), 1e-8);
 }
 
+// Of regressions with many unknowns, the choices use stretches of the steps. They must lie within the data.
+TEST(Identify, TakesLagsBeyondHalfOfTheSteps) {
+  const Ensemble e = with_noise(random_experiments(constant_system({2, 2, 1}, 90, 0.9, 5), 60, 6), 0.01, 7);
+  const Identification found =
+      identify(e, {.states = 2, .lags = 48, .smoothing = std::numeric_limits<double>::infinity(), .refine = false});
+  EXPECT_EQ(found.plan.lags, 48);
+  EXPECT_GT(found.validation.one_step.fit.minCoeff(), 98);  // the noise is 1 % of the outputs
+}
+
 TEST(Identify, ChoosesTheOrdersOfNoiseFreeData) {
   const Ensemble e = experiments(oscillator(60), {.experiments = 40});
   const Identification result = identify(e);

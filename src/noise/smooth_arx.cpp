@@ -179,8 +179,8 @@ class CandidateErrors {
         weights_(weights_of(o.output_weights, e.outputs())) {
     for (Index f = 0; f < folds_; ++f) parts_.push_back(fold(e, f, folds_, o.centred));
     stretches_ = {{0, e.steps()}};
-    if (o.period == 0 && e.steps() > o.steps) {
-      const Index length = std::max<Index>(o.steps / 4, 2 * o.lags.back());
+    const Index length = std::max<Index>(o.steps / 4, 2 * o.lags.back());
+    if (o.period == 0 && e.steps() > std::max(o.steps, 4 * length)) {
       stretches_.clear();
       for (Index s = 0; s < 4; ++s) {
         const Index begin = s * (e.steps() - length) / 3;
