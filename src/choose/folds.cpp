@@ -242,8 +242,8 @@ std::vector<Squares> Folds::squares(const std::vector<Model>& models, const Ahea
   return result;
 }
 
-// Tries increasing orders. Stops when `patience` orders after the best order had no smaller error, unless the regressions
-// predict far better by one step: with more states, models come near them.
+// Tries increasing orders. Stops when `patience` orders after the best order had no smaller error, unless the
+// regressions predict far better by one step: with more states, models come near them. One weighting shows that.
 OrderScores Folds::scores(Weighting weighting, double smoothing, Index least, Index most,
                           const Execution& execution) const {
   OrderScores result;
@@ -252,7 +252,7 @@ OrderScores Folds::scores(Weighting weighting, double smoothing, Index least, In
   result.cross_validated = true;
   size_t best = 0;
   std::vector<std::vector<Errors>> of_order;
-  bool far = true;
+  bool far = false;
   for (Index n = least; n <= most && (far || n <= least + Index(best) + patience); ++n) {
     const auto found = errors_of_folds(
         folds_.size(), n, [&](size_t f) { return start(f, n, weighting, smoothing); }, first_, execution);
@@ -261,7 +261,8 @@ OrderScores Folds::scores(Weighting weighting, double smoothing, Index least, In
     const Errors errors = mean_of(*found);
     result.add(n, errors.one_step, errors.ahead, errors.simulation);
     if (errors.mean() <= result.smallest) best = of_order.size() - 1;
-    far = result.one_step[best] > regression_one_step_ + std::log(far_from_regression);
+    far = weighting == options_.weightings.front() &&
+          result.one_step[best] > regression_one_step_ + std::log(far_from_regression);
   }
   for (const auto& found : of_order) result.uncertainty.push_back(standard_error(found, of_order[best]));
   result.choose();
