@@ -18,6 +18,9 @@ namespace {
 constexpr double usual_orders = 15.0;
 // A model whose one-step error is larger by this factor than that of the regressions may lack states.
 constexpr double far_from_regression = 2.0;
+// There, smaller squared errors of an output are raised to this share of the largest: a recorded command needs states
+// of its own, which predict no other output.
+constexpr double nearly_exact = 1e-2;
 // Standard error of the difference of two models that were validated on the same folds.
 double standard_error(const std::vector<Errors>& a, const std::vector<Errors>& b) {
   const double count = double(a.size()), mean = mean_of(a).mean() - mean_of(b).mean();
@@ -131,8 +134,8 @@ double regression_error(const GtvArx& arx, const Ensemble& measured, Index first
     errors += error.isNaN().select(0.0, error.square()).colwise().sum().matrix().transpose();
     sizes += error.isNaN().select(0.0, y.square()).colwise().sum().matrix().transpose();
   }
-  const Eigen::ArrayXd relative = (sizes.array() > 0).select(errors.array() / sizes.array(), 1.0);
-  const Eigen::ArrayXd logs = relative.max(1e-24).min(1e24).log();
+  const Eigen::ArrayXd relative = (sizes.array() > 0).select(errors.array() / sizes.array(), 1.0).max(1e-24).min(1e24);
+  const Eigen::ArrayXd logs = relative.max(one_step ? nearly_exact * relative.maxCoeff() : 0.0).log();
   return weights.dot(logs.matrix()) / weights.sum();
 }
 
