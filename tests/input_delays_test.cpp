@@ -104,6 +104,14 @@ TEST(InputDelays, OfWeakInputsAreThoseOfOthers) {
   EXPECT_GE(found, 18);
 }
 
+// The lags of an input end with those whose products are known.
+TEST(InputDelays, AreSharedUpToTheLargestOne) {
+  for (const Index delay : {34, 35, 36, 37, 38, 39}) {
+    const std::vector<Index> found = find_delays(plant(12, 80, {delay, 0}, 0.01, 3), {});
+    if (!found.empty()) EXPECT_EQ(found[1], 0) << delay;
+  }
+}
+
 TEST(InputDelays, AreNotFoundWhereThereAreNone) {
   for (const std::uint64_t seed : {1, 2, 3, 4, 5, 6}) {
     EXPECT_TRUE(find_delays(plant(40, 120, {0}, 0.1, seed), {}).empty());

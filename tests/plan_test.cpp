@@ -128,7 +128,9 @@ TEST(Folds, GoOnWhileRegressionsPredictFarBetter) {
       system.at(k).C() += change * other.at(k).C();
       system.at(k).D() += change * other.at(k).D();
     }
-    const Ensemble e = with_noise(random_experiments(system, 12, seed + 10), 1e-7, seed + 20);
+    Ensemble e = with_noise(random_experiments(system, 12, seed + 10), 1e-7, seed + 20);
+    if (seed > 2)  // an output that is always zero does not hide that
+      for (Index k = 0; k < 100; ++k) e.output(k).col(3).setZero();
     Folds::Options o;
     o.lags = 3;
     o.variation = {3e-3, 0};

@@ -55,8 +55,8 @@ struct SmoothingOptions {
   bool centred = false;           // true: the data are departures from a mean motion; see fold()
   Vector output_weights = {};     // (m) weights of the outputs, 0 or more; empty: all outputs count alike
   std::vector<Index> jumps = {};  // as in TimeVariation
-  // An ensemble without a period that has more steps is tested on four stretches only. Each stretch has steps/4 steps,
-  // but at least twice the largest lag order.
+  // An ensemble without a period that has more steps is tested on four stretches only, if these are shorter together.
+  // Each stretch has steps/4 steps, but at least twice the largest lag order.
   Index steps = 256;
   Execution execution = {};
 };

@@ -137,7 +137,7 @@ def identify(
         Number of threads; 0: all of the machine. The result has the same bits for any number.
     progress : bool or callable, default False
         True: show a bar, of tqdm if it is installed. A callable gets the finished share of the work, from 0 to 1, as
-        a `ProgressShare`: a float with the attributes `stage` and `seconds_left`.
+        a `ProgressShare`: a float with the attribute `stage`.
     on_model : callable, optional
         Gets the first model, if the data are noisy and EM may refine it. It is called once, within the call.
 

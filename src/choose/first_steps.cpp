@@ -130,20 +130,24 @@ Model begun_earlier(const Model& late, const Ensemble& departures, InitialState 
 }
 
 // The one-step errors of `model` at the first steps of `late`, relative to those that the regressions of `late` have
-// there: mean over the outputs of the logarithm.
+// there: mean over the outputs of the logarithm. Errors of nearly exact outputs count as in held_out_error().
 double excess_error(const Model& model, const Model& late, const Ensemble& departures, InitialState initial) {
-  const Index begin = late.full_begin(), end = std::min(departures.steps(), 2 * begin + estimation_window(late));
+  const Index begin = late.full_begin(),
+              end = std::min({departures.steps(), late.k_end(), 2 * begin + estimation_window(late)});
   const Ensemble predicted = predict(of_departures(model, departures), departures, {1, initial}).y;
   Eigen::ArrayXd found = Eigen::ArrayXd::Zero(departures.outputs()), expected = found, sizes = found;
   for (Index k = begin; k < end; ++k) {
     const Eigen::ArrayXXd y = departures.output(k), e = y - predicted.output(k).array();
-    const Eigen::ArrayXd counts = e.isFinite().cast<double>().colwise().sum().transpose();
-    found += e.isFinite().select(e.square(), 0.0).colwise().sum().transpose();
-    expected += counts * late.at(k).innovation_cov().diagonal().array();
-    sizes += e.isFinite().select(y.square(), 0.0).colwise().sum().transpose();
+    found += e.isNaN().select(0.0, e.square()).colwise().sum().transpose();
+    expected +=
+        (!e.isNaN()).cast<double>().colwise().sum().transpose() * late.at(k).innovation_cov().diagonal().array();
+    sizes += e.isNaN().select(0.0, y.square()).colwise().sum().transpose();
   }
-  const Eigen::ArrayXd rounding = of_exact * sizes + std::numeric_limits<double>::min();
-  return 0.5 * ((found + rounding) / (expected + rounding)).log().mean();
+  const auto relative = [&](const Eigen::ArrayXd& squares) -> Eigen::ArrayXd {
+    const Eigen::ArrayXd share = (sizes > 0).select(squares / sizes, 0.0);
+    return share.max(std::max(least_counted * least_counted * share.maxCoeff(), of_exact));
+  };
+  return 0.5 * (relative(found) / relative(expected)).log().mean();
 }
 
 }  // namespace
@@ -151,6 +155,7 @@ double excess_error(const Model& model, const Model& late, const Ensemble& depar
 Model with_first_steps(const Model& late, const Ensemble& departures, InitialState initial, int threads) {
   if (!can_begin_earlier(late, initial)) return late;
   Model earlier = begun_earlier(late, departures, initial, threads);
+  if (late.period > 0) return earlier;  // shared matrices are those of the first steps, too
   return excess_error(earlier, late, departures, initial) <= std::log(spoiled) ? earlier : late;
 }
 

@@ -117,14 +117,14 @@ Errors errors_of(Computed computed, const Ensemble& data, const Vector& weights,
 
 namespace {
 
-// Squared error of the outputs that a regression computes, over the squared outputs: weighted mean of the logs of all
-// outputs. The regression gets the measured outputs of the steps before (`one_step`), or the inputs alone and the
-// outputs before step `first`. Missing samples count as zero.
+// Squared error of the outputs that a regression computes, over the squared outputs: weighted mean of the logs of the
+// outputs that count. The regression gets the measured outputs of the steps before (`one_step`), or the inputs alone
+// and the outputs before step `first`, where missing samples count as zero.
 double regression_error(const GtvArx& arx, const Ensemble& measured, Index first, const Vector& weights,
                         bool one_step) {
   const Index m = measured.outputs(), d = measured.channels();
   Ensemble e = measured;
-  e.samples() = measured.samples().array().isNaN().select(0.0, measured.samples());
+  if (!one_step) e.samples() = measured.samples().array().isNaN().select(0.0, measured.samples());
   Vector errors = Vector::Zero(m), sizes = errors;
   for (Index k = first; k < e.steps(); ++k) {
     const Index from = (k - arx.step[size_t(k)].lags) * d;
@@ -134,9 +134,11 @@ double regression_error(const GtvArx& arx, const Ensemble& measured, Index first
     errors += error.isNaN().select(0.0, error.square()).colwise().sum().matrix().transpose();
     sizes += error.isNaN().select(0.0, y.square()).colwise().sum().matrix().transpose();
   }
-  const Eigen::ArrayXd relative = (sizes.array() > 0).select(errors.array() / sizes.array(), 1.0).max(1e-24).min(1e24);
-  const Eigen::ArrayXd logs = relative.max(one_step ? nearly_exact * relative.maxCoeff() : 0.0).log();
-  return weights.dot(logs.matrix()) / weights.sum();
+  const Eigen::ArrayXd counted = (sizes.array() > 0).select(weights.array(), 0.0);
+  if (!(counted.sum() > 0)) return std::numeric_limits<double>::infinity();
+  const Eigen::ArrayXd relative = (counted > 0).select(errors.array() / sizes.array(), 0.0);
+  const double least = one_step ? nearly_exact * relative.maxCoeff() : 0.0;
+  return (counted * relative.max(std::max(least, 1e-24)).min(1e24).log()).sum() / counted.sum();
 }
 
 }  // namespace

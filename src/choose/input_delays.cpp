@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <set>
 #include <utility>
 
 #include "base/statistics.hpp"
@@ -20,7 +21,9 @@ namespace {
 // Lags of the regressions. Shorter dead times are left to the states.
 constexpr Index few_lags = 4;
 // The probability of a dead time where there is none.
-constexpr double error_probability = 1e-3, shared_error_probability = 0.05;
+constexpr double error_probability = 1e-3;
+// The probability that an input takes a dead time of other inputs if it has none.
+constexpr double shared_error_probability = 0.05;
 // Most input lags of all inputs together, stretches of steps, folds, unknowns of a regression, and multiplications for
 // the products.
 constexpr Index most_columns = 320, most_stretches = 4, most_folds = 10, most_unknowns = 100;
@@ -154,15 +157,19 @@ bool move_lags(const Products& products, Index most_delay, const Execution& exec
 
 // Inputs often have the same dead time. An input without one takes that of another input with less evidence than an
 // unknown one. False: none does.
-bool share_lags(const Products& products, std::vector<Lags>& lags) {
+bool share_lags(const Products& products, Index most_delay, std::vector<Lags>& lags) {
+  std::set<Index> known;
+  for (const Lags& other : lags)
+    if (other.first > few_lags && other.first <= most_delay) known.insert(other.first);
+  if (known.empty()) return false;
   FoldErrors least = products.errors(lags);
-  const double sure = statistics::student_quantile(1 - shared_error_probability, double(least.size() - 1));
+  const double sure =
+      statistics::student_quantile(1 - shared_error_probability / double(known.size()), double(least.size() - 1));
   bool any = false;
   for (Lags& input : lags) {
-    if (input.first > 0) continue;
-    for (const Lags& other : std::vector<Lags>(lags)) {
-      if (other.first == 0 || input.first == other.first) continue;
-      const Lags own = std::exchange(input, {other.first, other.first + few_lags});
+    if (input.first > few_lags) continue;
+    for (const Index first : known) {
+      const Lags own = std::exchange(input, {first, first + few_lags});
       FoldErrors found = products.errors(lags);
       if (advantage(found, least) > sure)
         least = std::move(found), any = true;
@@ -196,7 +203,7 @@ void leave_needless_lags(const Products& products, std::vector<Lags>& lags) {
 // Once an input has its lags, those of another one show more.
 std::vector<Lags> best_lags(const Products& products, Index inputs, Index most_delay, const Execution& execution) {
   std::vector<Lags> best(static_cast<size_t>(inputs));
-  while (move_lags(products, most_delay, execution, best) || share_lags(products, best))
+  while (move_lags(products, most_delay, execution, best) || share_lags(products, most_delay, best))
     leave_needless_lags(products, best);
   // Do the lags in front say nothing? One standard error is chance, and a gain that is not worth it is unknowns that
   // make up for what no regression of a stretch can describe.

@@ -391,8 +391,11 @@ Model realised_as(const Ensemble& data, GtvArx arx, const Plan& plan, const Exec
   Model model = realise(data, std::move(arx), data.free, plan, share(execution, 0.0, iterations > 0 ? until_em : 1.0));
   if (iterations == 0) return model;
   RefineOptions options = refine_options(plan, execution);
-  SearchProgress work(share(execution, until_em, 1.0), double(iterations));
-  options.execution.progress = work.counted();
+  double done = 0.0;
+  if (execution.progress)
+    options.execution.progress = [&, report = share(execution, until_em, 1.0).progress](const ProgressReport&) {
+      report({.share = std::min(1.0, ++done / double(iterations))});
+    };
   return refined(std::move(model), data, 0, iterations, options, first);
 }
 

@@ -518,8 +518,15 @@ Identification identified_with_outliers(const Ensemble& used, Measured measured,
 
 }  // namespace
 
-Identification identify(const Ensemble& ensemble, const IdentifyOptions& options, const OnModel& on_model) {
+Identification identify(const Ensemble& ensemble, const IdentifyOptions& asked, const OnModel& on_model) {
   const auto begin = std::chrono::steady_clock::now();
+  IdentifyOptions options = asked;
+  double reached = 0.0;
+  if (asked.execution.progress)  // where a choice is made once more, its stages begin again
+    options.execution.progress = [&asked, &reached](ProgressReport now) {
+      now.share = reached = std::max(reached, now.share);
+      asked.execution.progress(now);
+    };
   const auto of_used = [&] {
     UsedExperiments used = used_experiments(ensemble);
     const Measured measured{ensemble, used.rows()};
