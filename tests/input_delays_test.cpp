@@ -108,7 +108,7 @@ TEST(InputDelays, OfWeakInputsAreThoseOfOthers) {
 TEST(InputDelays, AreSharedUpToTheLargestOne) {
   for (const Index delay : {34, 35, 36, 37, 38, 39}) {
     const std::vector<Index> found = find_delays(plant(12, 80, {delay, 0}, 0.01, 3), {});
-    if (!found.empty()) EXPECT_EQ(found[1], 0) << delay;
+    EXPECT_TRUE(found.empty() || found[1] == 0) << delay;
   }
 }
 
