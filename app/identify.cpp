@@ -242,6 +242,7 @@ void add_states(const Call& call, const Identification& result, Page& page) {
   const bool tried = !result.order_scores.states.empty();
   const bool after_em = decided_after_em(result);
   const char* why = call.options.states == model.states()          ? "as asked"
+                    : result.plan.method == Method::regression     ? "all those of the regression"
                     : after_em                                     ? "by cross-validation error, after EM"
                     : tried && result.order_scores.cross_validated ? "by cross-validation error"
                     : tried                                        ? "by prediction and simulation errors"

@@ -32,6 +32,8 @@ std::vector<Case> cases() {
   list.back().options.states = 2;  // of its four, for time
   list.push_back({"noise, time-invariant, EM", noisy_experiments(oscillator(24), 12, 6)});
   list.back().options.period = 1;
+  list.push_back({"noise, the regression", noisy_experiments(oscillator(24), 20, 7)});
+  list.back().options.method = Method::regression;
   return list;
 }
 

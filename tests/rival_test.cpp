@@ -92,20 +92,52 @@ TEST(Rivals, SeeInputsBeyondTheLagsOfTheChoice) {
   SmoothingOptions o;
   o.lags = {1, 2, 4, 8, 12, 16, 24};
   const RegressionErrors errors(late(24, 3, 0.1), o, 3);
-  const std::optional<Rival> rival = better_rival({o, 2, 100.0, 12}, errors, errors.squares(0, 3, 2, 100.0));
+  const std::optional<RegressionErrors::Found> rival =
+      best_rival({o, 2, 100.0, 12}, errors, errors.squares(0, 3, 2, 100.0));
   ASSERT_TRUE(rival);
   EXPECT_GE(rival->lags, 16);
 }
 
-TEST(Rivals, NeedToPredictClearlyBetter) {
+TEST(Rivals, AreGivenUpWhereHopeless) {
   SmoothingOptions o;
   o.lags = {1, 2, 4, 8};
   const RegressionErrors errors(late(24, 3, 0.1), o, 3);
   const std::vector<Squares> as_good = errors.squares(0, 3, 8, std::numeric_limits<double>::infinity());
   std::vector<Squares> hopeless = as_good;
   for (Squares& fold : hopeless) fold.errors *= 1e-4;
-  EXPECT_FALSE(better_rival({o, 2, 100.0, 4}, errors, as_good));
-  EXPECT_FALSE(better_rival({o, 2, 100.0, 4}, errors, hopeless));
+  const std::optional<RegressionErrors::Found> rival = best_rival({o, 2, 100.0, 4}, errors, as_good);
+  ASSERT_TRUE(rival);
+  EXPECT_FALSE(surely_smaller(rival->error, errors.error_of(as_good)));
+  EXPECT_FALSE(best_rival({o, 2, 100.0, 4}, errors, hopeless));
+}
+
+TEST(Rivals, ReplaceModelsOfFewStatesWhereTheyPredictFarBetter) {
+  SmoothingOptions o;
+  o.lags = {8};
+  const Ensemble e = late(24, 3, 0.1);
+  const RegressionErrors errors(e, o, 3);
+  const RegressionErrors::Found regression = errors.found(8, 100.0);
+  const auto replaces = [&](double gain, Index states) {
+    HeldOutError model = regression.error;
+    model.value += std::log(gain);
+    return replaces_model(regression, model, states, e, o);
+  };
+  EXPECT_TRUE(replaces(1.5, 1));
+  EXPECT_FALSE(replaces(1.1, 1));
+  EXPECT_TRUE(replaces(1.1, 7));
+  EXPECT_FALSE(replaces(0.9, 7));
+}
+
+// With 39 unknowns, the least squares solution of 32 experiments predicts far better than that of 38 or 40.
+TEST(Rivals, DoNotReplaceModelsWhereExperimentsAreAsManyAsUnknowns) {
+  SmoothingOptions o;
+  o.lags = {19};
+  const Ensemble e = late(40, 3, 0.1);
+  const RegressionErrors errors(e, o, 3);
+  const RegressionErrors::Found regression = errors.found(19, 0.0);
+  HeldOutError model = regression.error;
+  model.value += std::log(1.5);
+  EXPECT_FALSE(replaces_model(regression, model, 1, e, o));
 }
 
 TEST(Rivals, TakeOverWhereTheyPredictBetter) {

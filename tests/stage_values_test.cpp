@@ -25,7 +25,7 @@ std::string refusal(Value value, const std::function<void(Value&)>& spoil) {
 TEST(StageValues, ChecksNameTheMatrixAndTheStepOfARegression) {
   const GtvArx arx = regressions();
   EXPECT_EQ(refusal<GtvArx>(arx, [](GtvArx&) {}), sound);
-  constexpr double infinity = std::numeric_limits<double>::infinity();
+  constexpr double inf = std::numeric_limits<double>::infinity();
   for (const Index k : {0, 5, 11}) {
     const auto starts = [&](const char* name, const std::function<void(GtvArx&)>& spoil) {
       const std::string found = refusal<GtvArx>(arx, spoil);
@@ -33,11 +33,11 @@ TEST(StageValues, ChecksNameTheMatrixAndTheStepOfARegression) {
       EXPECT_NE(found.find(" at step " + std::to_string(k) + ","), std::string::npos) << found;
     };
     starts("coefficients: ", [&](GtvArx& a) { a.coefficients(k)(1, 0) = nan; });
-    starts("residual_cov: ", [&](GtvArx& a) { a.residual_cov(k)(0, 1) = infinity; });
+    starts("residual_cov: ", [&](GtvArx& a) { a.residual_cov(k)(0, 1) = inf; });
     starts("residual_cov: ", [&](GtvArx& a) { a.residual_cov(k)(0, 0) = -1.0; });
     starts("residual_cov: ", [&](GtvArx& a) { a.residual_cov(k) = Matrix{{1.0, 2.0}, {2.0, 1.0}}; });
     starts("output_rms: ", [&](GtvArx& a) { a.output_rms(k)(1) = -1.0; });
-    starts("output_rms: ", [&](GtvArx& a) { a.output_rms(k)(0) = infinity; });
+    starts("output_rms: ", [&](GtvArx& a) { a.output_rms(k)(0) = inf; });
     starts("noise_shape: ", [&](GtvArx& a) { a.noise_shape(k)(0, 0) = nan; });
   }
   // A step without a regression has nothing to check.
@@ -52,17 +52,17 @@ TEST(StageValues, ChecksNameTheMatrixAndTheStepOfARegression) {
 TEST(StageValues, ChecksNameTheMatrixAndTheStepOfMarkovParameters) {
   const Markov h = markov(regressions(), 4);
   EXPECT_EQ(refusal<Markov>(h, [](Markov&) {}), sound);
-  constexpr double infinity = std::numeric_limits<double>::infinity();
+  constexpr double inf = std::numeric_limits<double>::infinity();
   const auto starts = [&](const char* name, const std::function<void(Markov&)>& spoil) {
     const std::string found = refusal<Markov>(h, spoil);
     EXPECT_EQ(found.find(name), 0U) << found;
     EXPECT_NE(found.find(" at step 7,"), std::string::npos) << found;
   };
   starts("system: ", [&](Markov& a) { a.h(7, 5)(0, 1) = nan; });
-  starts("gain: ", [&](Markov& a) { a.h_gain(7, 3)(1, 1) = infinity; });
+  starts("gain: ", [&](Markov& a) { a.h_gain(7, 3)(1, 1) = inf; });
   starts("D: ", [&](Markov& a) { a.D(7)(0, 0) = nan; });
   starts("system_noise: ", [&](Markov& a) { a.h_noise(7, 6)(0, 0) = -1e-300; });
-  starts("system_noise: ", [&](Markov& a) { a.h_noise(7, 6)(0, 0) = infinity; });
+  starts("system_noise: ", [&](Markov& a) { a.h_noise(7, 6)(0, 0) = inf; });
 }
 
 TEST(StageValues, NoiseShapesOfAnyWidthKeepTheirCovariance) {

@@ -58,7 +58,7 @@ double difference(const Model& a, const Model& b) {
 
 // In three portions or all at once: the same model, in every way to come by one.
 TEST(Update, IsTheIdentificationOfAllExperiments) {
-  std::vector<UpdateCase> cases(10);
+  std::vector<UpdateCase> cases(12);
   cases[0].name = "noise-free";
   cases[1].name = "unknown initial states";
   cases[1].initial = 5.0;
@@ -104,6 +104,14 @@ TEST(Update, IsTheIdentificationOfAllExperiments) {
   cases[9].options.lags = 3;
   cases[9].options.weighting = Weighting::many_steps;
   cases[9].options.refine = false;
+  for (const size_t i : {4u, 5u}) {
+    UpdateCase& regression = cases[6 + i] = cases[i];
+    regression.options.method = Method::regression;
+    regression.options.states.reset();
+    regression.options.choices->weighting = Weighting::one_step;
+  }
+  cases[10].name = "noise, lambda = 1, the regression";
+  cases[11].name = "noise, one model, the regression";
   for (const UpdateCase& c : cases) {
     SCOPED_TRACE(c.name);
     const Model truth = random_system({3, 2, 2}, 24, 1.0, 7);
@@ -125,7 +133,7 @@ TEST(Update, IsTheIdentificationOfAllExperiments) {
     all.lags = begun.plan.lags;
     all.initial_state = begun.model.initial_state;
     if (begun.plan.coupled) all.choices = begun.plan.choices;  // of the first experiments
-    if (begun.plan.noisy) all.states = begun.model.states();
+    if (begun.plan.noisy && begun.plan.method != Method::regression) all.states = begun.model.states();
     const Updated now = identify(state);
     EXPECT_EQ(now.experiments, 60);
     const Model whole = identify(e, all).model;

@@ -125,6 +125,7 @@ struct Finding {
     // model
     no_states,
     states_below_asked,       // numbers: asked, found
+    regression_kept,          // numbers: lags, states: the model is the regression itself, with p·m states
     states_hidden,            // steps; numbers: states
     gains_grow,               // steps; numbers: ratio of the largest norm of K_k to its reference
     late_begin,               // numbers: step

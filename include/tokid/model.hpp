@@ -26,7 +26,7 @@ struct Model {
   // Coordinates of the states: raw, reference or smooth. The method may already compute smooth coordinates: the
   // subspace realisation does so if λ or a period couples the steps.
   std::string frame = "raw";
-  // The method that made the model: tvera, subspace, or em after a refinement. known: the matrices come from elsewhere.
+  // The method that made the model: tvera, subspace, regression, or em after a refinement. known: the matrices come from elsewhere.
   std::string method;
   InitialState initial_state = InitialState::zero;
   Channels names;
@@ -76,8 +76,8 @@ Findings findings_of_end(const Model& model, const Ensemble& data);
 // Findings on differences in sample time and names. Such a difference is allowed, but may be a mistake of the user.
 Findings differences(const Model& model, const Ensemble& data);
 
-// Number of unknowns per output in the regression of step k, whose rank and condition the model stores. With TVERA, the
-// unknowns are the coefficients of the window; with other methods, those of states and inputs. The inputs of step k
+// Number of unknowns per output in the regression of step k, whose rank and condition the model stores. With TVERA and
+// for the regression itself, the unknowns are the coefficients of the window; else those of states and inputs. The inputs of step k
 // count only with feedthrough. 0 if the model does not come from regressions.
 Index unknowns(const Model& model, Index k);
 

@@ -13,7 +13,11 @@
 namespace tokid {
 
 enum class Frame { raw, reference, smooth };
-enum class Method { tvera, subspace };
+enum class Method {
+  tvera,       // Hankel matrices of the Markov parameters: the paper
+  subspace,    // predictor subspaces, and EM where it predicts better
+  regression,  // the regressions themselves, as a model of p·m states in observer form
+};
 enum class NominalChoice { none, mean };
 // What an identification does about experiments and single samples that do not fit the others.
 enum class OutlierChoice {

@@ -28,7 +28,7 @@ function [model, evidence] = identify(varargin)
 %
 % Options are those of the tool, with _ for -; docs/explanation/methods.md explains them:
 %   'states', 'lags'      n and p, or 'auto'
-%   'method'              'auto', 'tvera' or 'subspace'
+%   'method'              'auto', 'tvera', 'subspace' or 'regression'
 %   'smoothing'           lambda, Inf for one model, or 'auto'
 %   'feedthrough'         true, false (D = 0 is known) or 'auto': by a test where the data are noisy
 %   'time_invariant'      true: one model for all steps

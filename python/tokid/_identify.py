@@ -80,8 +80,9 @@ def identify(
         errors.
     lags : int or "auto"
         Lag order p. "auto": the order with the smallest cross-validation error.
-    method : {"auto", "tvera", "subspace"}
-        Realisation. "auto": TVERA for data without noise from zero initial states, else the subspace realisation.
+    method : {"auto", "tvera", "subspace", "regression"}
+        Realisation. "auto": TVERA for data without noise from zero initial states, else the subspace realisation, or
+        the regression itself, with a state for each lag of each output, where that predicts far better.
     smoothing : float or "auto"
         λ of the penalty on variation over time. 0: no penalty. "infinity": one model for all steps. "auto": by
         cross-validation if the data are noisy or too few for a regression at each step.

@@ -239,7 +239,7 @@ class StateSpace(Channels):
     dt = Held[float]("Sample time [s].")
     period = Held[int]("P: the steps k and k + P have the same matrices. 1: time-invariant. 0: no period.")
     frame_name = Held[str]('Frame of the states: "raw", "reference" or "smooth".', lambda core, _: core.frame)
-    method = Held[str]('Origin of the model: "tvera", "subspace", "em", "known".')
+    method = Held[str]('Origin of the model: "tvera", "subspace", "regression", "em", "known".')
     initial_state = Held[str](
         'Initial states of the training data: "zero" or "unknown".', lambda core, _: core.initial_state.name
     )

@@ -326,7 +326,7 @@ def ranks(model: Model, *, over: str = "time", ax: Optional[Axes] = None) -> Axe
     states = model.state_dim[:-1]
     curves: list[tuple[str, Any, str, float, Any]] = [("Rank", rank, "blue", 1.6, "-")]
     if len(model.lags):
-        window = model.lags * (model.inputs + model.outputs) if model.method == "tvera" else states
+        window = model.lags * (model.inputs + model.outputs) if model.method in ("tvera", "regression") else states
         curves.insert(0, ("Unknowns", model.inputs + window, "faint", 4.0, "-"))
         curves.append(("Lag order", model.lags, "orange", 1.6, "-"))
     curves.append(("States", states, "green", 1.6, _axes.DASHES[1]))

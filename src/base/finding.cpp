@@ -600,6 +600,12 @@ constexpr Entry table[] = {
            "{0} states were asked for, but the Hankel matrices have at most rank {1}: the model has {1} states",
            count(f, "asked"), count(f, "found"));
      }},
+    {Kind::regression_kept, "regression_kept", note,
+     [](const Finding& f) {
+       return fmt::format(
+           "the regression on {} lags predicts held-out experiments better than models of fewer states, so the model is this regression, with {} states",
+           figure(f, "lags"), figure(f, "states"));
+     }},
     {Kind::states_hidden, "states_hidden", warning,
      [](const Finding& f) {
        return fmt::format(

@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <stdexcept>
 #include <utility>
 
@@ -94,12 +95,14 @@ Model with_noise(const Model& start, const Ensemble& departures, InitialState in
   return refine(start, departures, o).model;
 }
 
-Model begun_earlier(const Model& late, const Ensemble& departures, InitialState initial, int threads) {
+// Without a value where the noise is not known.
+std::optional<Model> begun_earlier(const Model& late, const Ensemble& departures, InitialState initial, int threads) {
   if (const Index steps = refined_steps(departures, late.period); steps < departures.steps()) {
     Model part = late;
     part.step.resize(size_t(std::min(steps, late.steps())));
-    part = begun_earlier(part, stretch(departures, 0, steps), initial, threads);
-    return part.k_begin < late.k_begin || part.x0_mean.size() > 0 ? continued(std::move(part), late.k_end()) : late;
+    std::optional<Model> found = begun_earlier(part, stretch(departures, 0, steps), initial, threads);
+    if (found) found = continued(std::move(*found), late.k_end());
+    return found;
   }
   const Index rows = estimation_window(late), begin = late.full_begin();
   const Ensemble first = stretch(departures, 0, std::min(departures.steps(), 2 * begin + rows));
@@ -110,7 +113,7 @@ Model begun_earlier(const Model& late, const Ensemble& departures, InitialState 
   const Model later = whole || late.frame != "raw" ? late : smooth_frame(late, rows);
   Model start = with_constant_states(later, whole ? departures.steps() : first.steps());
   Usual usual = usual_noise(whole ? start : later);
-  if (usual.outputs.maxCoeff() <= 0 || usual.state <= 0) return late;
+  if (usual.outputs.maxCoeff() <= 0 || usual.state <= 0) return std::nullopt;
   usual.outputs = usual.outputs.cwiseMax(of_exact * usual.outputs.maxCoeff());
   set_noise_of_gains(start, usual);
   try {
@@ -125,7 +128,7 @@ Model begun_earlier(const Model& late, const Ensemble& departures, InitialState 
     model.step.insert(model.step.end(), rest.step.begin() + rest.index(begin), rest.step.end());
     return kalman_observer(std::move(model));
   } catch (const std::runtime_error&) {
-    return late;
+    return std::nullopt;
   }
 }
 
@@ -134,7 +137,8 @@ Model begun_earlier(const Model& late, const Ensemble& departures, InitialState 
 double excess_error(const Model& model, const Model& late, const Ensemble& departures, InitialState initial) {
   const Index begin = late.full_begin(),
               end = std::min({departures.steps(), late.k_end(), 2 * begin + estimation_window(late)});
-  const Ensemble predicted = predict(of_departures(model, departures), departures, {1, initial}).y;
+  const Ensemble first = stretch(departures, 0, end);
+  const Ensemble predicted = predict(of_departures(model, first), first, {1, initial}).y;
   Eigen::ArrayXd found = Eigen::ArrayXd::Zero(departures.outputs()), expected = found, sizes = found;
   for (Index k = begin; k < end; ++k) {
     const Eigen::ArrayXXd y = departures.output(k), e = y - predicted.output(k).array();
@@ -154,9 +158,11 @@ double excess_error(const Model& model, const Model& late, const Ensemble& depar
 
 Model with_first_steps(const Model& late, const Ensemble& departures, InitialState initial, int threads) {
   if (!can_begin_earlier(late, initial)) return late;
-  Model earlier = begun_earlier(late, departures, initial, threads);
-  if (late.period > 0) return earlier;  // shared matrices are those of the first steps, too
-  return excess_error(earlier, late, departures, initial) <= std::log(spoiled) ? earlier : late;
+  std::optional<Model> earlier = begun_earlier(late, departures, initial, threads);
+  // Shared matrices are those of the first steps, too.
+  const bool kept =
+      earlier && (late.period > 0 || excess_error(*earlier, late, departures, initial) <= std::log(spoiled));
+  return kept ? std::move(*earlier) : late;
 }
 
 }  // namespace tokid

@@ -9,6 +9,7 @@
 #include "base/integers.hpp"
 #include "data/output_weights.hpp"
 #include "model/input_delays.hpp"
+#include "noise/observer_form.hpp"
 #include "tokid/markov.hpp"
 #include "tokid/subspace.hpp"
 #include "tokid/tvera.hpp"
@@ -80,6 +81,8 @@ GtvArx regressions(const Windows& windows, const Plan& plan, const Execution& ex
 Model realise(const Windows& windows, GtvArx arx, const FreeResponse& free, const Plan& plan,
               const Execution& execution) {
   if (plan.method == Method::tvera) return tvera_model(windows, std::move(arx), free, plan, execution);
+  if (plan.method == Method::regression)
+    return from_where_it_is_followed(observer_form(windows, arx, plan.choices.variation), plan);
   return from_where_it_is_followed(subspace(windows, arx, subspace_options(plan, execution)), plan);
 }
 

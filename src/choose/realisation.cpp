@@ -13,6 +13,7 @@
 #include "choose/folds.hpp"
 #include "choose/stages.hpp"
 #include "data/channel_sizes.hpp"
+#include "noise/observer_form.hpp"
 #include "tokid/em.hpp"
 #include "tokid/markov.hpp"
 
@@ -225,13 +226,26 @@ bool tries_em(const Ensemble& data, const Selection& selected, const Plan& plan,
   return options.refine.value_or(!found_constant || data.steps() < enough_without_em * selected.samples->steps());
 }
 
-// The choices of a subspace realisation and of EM, by cross-validation errors.
+// A subspace realisation, by cross-validation errors.
+struct BegunByFolds {
+  Folds folds;
+  Plan plan;
+  OrderScores scores;
+  Model model;  // of all data
+
+  // Of the models of the folds; empty if no state predicts.
+  std::vector<Squares> squares(const Ahead& ahead) const {
+    return scores.best > 0 ? folds.squares(folds.models_of(scores), ahead) : std::vector<Squares>();
+  }
+};
+
+// The same with EM, if it was tried.
 struct ChosenByFolds {
   Plan plan;
   OrderScores scores;
-  Model start;                                  // of all data, without EM
-  std::optional<RefinementOfFolds> refinement;  // if EM was tried
-  std::vector<Squares> squares;                 // of the models of the folds, if these errors are asked for
+  Model start;  // of all data, without EM
+  std::optional<RefinementOfFolds> refinement;
+  std::vector<Squares> squares;  // of the models of the folds, if these errors are asked for
 };
 
 TimeVariation of_selection(TimeVariation variation, const Selection& selection) {
@@ -251,39 +265,48 @@ std::vector<Jump> used_jumps(const std::vector<Jump>& found, const std::vector<I
   return result;
 }
 
-ChosenByFolds chosen_by_folds(const Ensemble& data, const Selection& selected, const Plan& decided, const GtvArx& arx,
-                              const Ahead* ahead, const IdentifyOptions& options, const BeforeEm& before_em,
-                              SearchProgress& work) {
-  ChosenByFolds result;
-  Plan& plan = result.plan = decided;
+BegunByFolds begun_by_folds(const Ensemble& data, const Selection& selected, const Plan& decided, const GtvArx& arx,
+                            const IdentifyOptions& options) {
   const Ensemble& selection = *selected.samples;
-  Folds folds(selection, {.lags = plan.lags,
-                          .initial_state = selected.from_start ? plan.initial_state : InitialState::unknown,
-                          .feedthrough = plan.feedthrough.present,
-                          .variation = of_selection(plan.choices.variation, selected),
-                          .weightings = weightings(selection, plan, options),
-                          .centred = is_centred(plan),
-                          .output_weights = plan.output_weights,
-                          .execution = in_stage(options.execution, WorkStage::folds)});
-  const Index most = plan.lags * data.outputs();
-  const OrderScores& scores = result.scores =
-      folds.choose_states(options.states, most, in_stage(options.execution, WorkStage::states));
-  plan.choices.state_smoothing = scores.smoothing;
-  plan.choices.weighting = scores.weighting;
-  if (!options.states) plan.states = scores.best;
-  result.start = realise(data, arx, {}, plan, in_stage(options.execution, WorkStage::realisation));
-  const Index n = result.start.states();
+  BegunByFolds result{
+      Folds(selection, {.lags = decided.lags,
+                        .initial_state = selected.from_start ? decided.initial_state : InitialState::unknown,
+                        .feedthrough = decided.feedthrough.present,
+                        .variation = of_selection(decided.choices.variation, selected),
+                        .weightings = weightings(selection, decided, options),
+                        .centred = is_centred(decided),
+                        .output_weights = decided.output_weights,
+                        .execution = in_stage(options.execution, WorkStage::folds)}),
+      decided,
+      {},
+      {}};
+  Plan& plan = result.plan;
+  result.scores = result.folds.choose_states(options.states, plan.lags * data.outputs(),
+                                             in_stage(options.execution, WorkStage::states));
+  plan.choices.state_smoothing = result.scores.smoothing;
+  plan.choices.weighting = result.scores.weighting;
+  if (!options.states) plan.states = result.scores.best;
+  result.model = realise(data, arx, {}, plan, in_stage(options.execution, WorkStage::realisation));
+  return result;
+}
+
+ChosenByFolds chosen_by_folds(BegunByFolds begun, const Ensemble& data, const Selection& selected, const Ahead* ahead,
+                              const IdentifyOptions& options, const BeforeEm& before_em, SearchProgress& work) {
+  const Plan& plan = begun.plan;
+  const Index n = begun.model.states();
+  ChosenByFolds result{plan, begun.scores, begun.model, {}, {}};
   if (!tries_em(data, selected, plan, options) || n == 0 || n < plan.states) {
-    if (ahead && scores.best > 0) result.squares = folds.squares(folds.models_of(scores), *ahead);
+    if (ahead) result.squares = begun.squares(*ahead);
     return result;
   }
   result.start = with_first_steps(result.start, data, plan.initial_state, options.execution.threads);
   // A stated λ is the λ of the ARX model, not of EM. Only a stated λ of 0 is also the λ of EM.
   const std::optional<double> stated = options.smoothing == 0.0 ? options.smoothing : std::nullopt;
-  const OrderRange orders = options.states ? OrderRange{plan.states, plan.states} : OrderRange{1, most};
+  const OrderRange orders =
+      options.states ? OrderRange{plan.states, plan.states} : OrderRange{1, plan.lags * data.outputs()};
   if (before_em) before_em(result.start, plan);
-  result.refinement = folds.choose_refinement(plan.states, orders, scores, stated, work);
-  if (ahead) result.squares = folds.squares(result.refinement->models, *ahead);
+  result.refinement = begun.folds.choose_refinement(plan.states, orders, begun.scores, stated, work);
+  if (ahead) result.squares = begun.folds.squares(result.refinement->models, *ahead);
   return result;
 }
 
@@ -314,32 +337,109 @@ void realise_by_folds(const Ensemble& data, const Selection& selected, const Gtv
                                .numbers = {{"share", share}, {"horizon", double(OrderScores::horizon)}}});
 }
 
-// Subspace realisation and EM. If another regression predicts clearly better, also with its p and λ; the better one of
-// both models is used.
+// Regressions use only windows without a gap, and EM uses every sample.
+bool may_keep_regression(const Ensemble& data, const IdentifyOptions& options) {
+  return !options.method && !options.weighting && !options.refine.value_or(false) && data.missing() == 0;
+}
+
+Model of_regression(const Ensemble& data, const GtvArx& arx, const Plan& plan, const Execution& execution) {
+  return plan.initial_state == InitialState::unknown && plan.choices.variation.period == 0
+             ? observer_form_from_start(
+                   data, arx,
+                   {plan.lags, plan.initial_state, plan.feedthrough.present, plan.choices.variation, execution})
+             : realise(data, arx, {}, plan, execution);
+}
+
+// The model of all data is the regression itself.
+void keep_regression(const Ensemble& data, const Regressed& regression, OrderScores scores,
+                     const IdentifyOptions& options, Realised& result) {
+  result.plan = as_asked(data, regression.plan, options);
+  result.plan.method = Method::regression;
+  result.order_scores = std::move(scores);
+  result.model = of_regression(data, regression.arx, result.plan, in_stage(options.execution, WorkStage::realisation));
+  result.findings.push_back(
+      {.kind = Finding::Kind::regression_kept,
+       .numbers = {{"lags", double(result.plan.lags)}, {"states", double(result.model.states())}}});
+}
+
+// The result of a call, if the samples suffice for it.
+template <class Call>
+auto if_possible(Call&& call) -> std::optional<decltype(call())> {
+  try {
+    return call();
+  } catch (const std::runtime_error&) {
+  } catch (const std::invalid_argument&) {
+  }
+  return std::nullopt;
+}
+
+// A subspace realisation with p and λ of another regression.
+struct Other {
+  Regressed regression;
+  BegunByFolds begun;
+};
+
+Other begun_as(const RegressionErrors::Found& rival, const Ensemble& data, const Selection& selected,
+               const Regressed& first, const IdentifyOptions& options) {
+  Regressed own = regressed_as(rival, data, selected, first, options);
+  BegunByFolds begun = begun_by_folds(data, selected, as_asked(data, own.plan, options), own.arx, options);
+  return {std::move(own), std::move(begun)};
+}
+
+// Subspace realisation and EM. A regression that predicts far better than the realisation, and than that of its own p
+// and λ, is the model. If another regression predicts clearly better than the result of EM, EM also starts with its p
+// and λ, and the better one of both models is used.
 void realise_by_folds(const Ensemble& data, const Selection& selected, Regressed& regression,
                       const IdentifyOptions& options, const BeforeEm& before_em, Realised& result) {
   SearchProgress work(in_stage(options.execution, WorkStage::em), usual_iterations);
+  BegunByFolds begun = begun_by_folds(data, selected, result.plan, regression.arx, options);
   const std::optional<Rivals> rivals = regression.rivals;
-  std::optional<RegressionErrors> errors;
-  if (rivals) errors.emplace(*selected.samples, rivals->options, Folds::most_refined);
-  const Ahead* ahead = errors ? &errors->ahead() : nullptr;
-  ChosenByFolds chosen = chosen_by_folds(data, selected, result.plan, regression.arx, ahead, options, before_em, work);
-  try {
-    const std::optional<Rival> rival =
-        chosen.squares.empty() ? std::nullopt : better_rival(*rivals, *errors, chosen.squares);
-    if (rival) {
-      Regressed other = regressed_as(*rival, data, selected, regression, options);
-      ChosenByFolds by_other =
-          chosen_by_folds(data, selected, as_asked(data, other.plan, options), other.arx, ahead, options, {}, work);
-      if (!by_other.squares.empty() &&
-          errors->error_of(by_other.squares).value < errors->error_of(chosen.squares).value) {
-        chosen = std::move(by_other);
-        regression = std::move(other);
-        result.instead = true;
-      }
+  if (!rivals || begun.scores.best == 0)
+    return realise_by_folds(data, selected, regression.arx,
+                            chosen_by_folds(std::move(begun), data, selected, nullptr, options, before_em, work),
+                            options, work, result);
+  const RegressionErrors errors(*selected.samples, rivals->options, Folds::most_refined);
+  const Ahead& ahead = errors.ahead();
+  const std::vector<Squares> of_begun = begun.squares(ahead);
+  const std::optional<RegressionErrors::Found> rival = best_rival(*rivals, errors, of_begun);
+  std::optional<Other> other;
+  const auto begin_other = [&] {
+    other = if_possible([&] { return begun_as(*rival, data, selected, regression, options); });
+  };
+  if (may_keep_regression(data, options)) {
+    const HeldOutError of_own = errors.error_of(of_begun);
+    std::optional<RegressionErrors::Found> best;
+    if (rivals->lags <= rivals->options.lags.back()) best = errors.found(rivals->lags, rivals->smoothing);
+    const bool rival_leads = rival && (!best || rival->error.value < best->error.value);
+    if (rival_leads) best = rival;
+    bool far = best && far_smaller(best->error, of_own);  // else EM may bring more
+    if (far && rival_leads) {
+      begin_other();
+      far = other.has_value();
     }
-  } catch (const std::runtime_error&) {  // the first choice stays if the samples do not suffice for the rival
-  } catch (const std::invalid_argument&) {
+    HeldOutError of_model = of_own;
+    Index states = begun.scores.best;
+    if (other && other->begun.scores.best > 0)
+      if (HeldOutError found = errors.error_of(other->begun.squares(ahead)); found.value < of_model.value)
+        of_model = std::move(found), states = other->begun.scores.best;
+    if (far && replaces_model(*best, of_model, states, *selected.samples, rivals->options)) {
+      result.instead = other.has_value();
+      OrderScores scores = std::move((other ? other->begun : begun).scores);
+      if (other) regression = std::move(other->regression);
+      return keep_regression(data, regression, std::move(scores), options, result);
+    }
+  }
+
+  ChosenByFolds chosen = chosen_by_folds(std::move(begun), data, selected, &ahead, options, before_em, work);
+  const HeldOutError of_model = errors.error_of(chosen.squares);
+  if (rival && surely_smaller(rival->error, of_model)) {
+    if (!other) begin_other();
+    std::optional<ChosenByFolds> found;
+    if (other)
+      found = if_possible(
+          [&] { return chosen_by_folds(std::move(other->begun), data, selected, &ahead, options, {}, work); });
+    result.instead = found && !found->squares.empty() && errors.error_of(found->squares).value < of_model.value;
+    if (result.instead) chosen = std::move(*found), regression = std::move(other->regression);
   }
   realise_by_folds(data, selected, regression.arx, std::move(chosen), options, work, result);
 }
@@ -347,6 +447,7 @@ void realise_by_folds(const Ensemble& data, const Selection& selected, Regressed
 }  // namespace
 
 Method automatic_method(const Plan& plan) {
+  if (plan.method == Method::regression) return plan.method;
   const bool exact = !plan.noisy && plan.initial_state == InitialState::zero && !plan.coupled;
   return exact ? Method::tvera : Method::subspace;
 }
@@ -365,6 +466,8 @@ Realised realised(Ensemble&& data, const Selection& selection, Regressed& regres
       data = data.subset({});
       result.model = realise(data, std::move(arx), data.free, result.plan, execution);
     }
+  } else if (result.plan.method == Method::regression) {
+    result.model = of_regression(data, arx, result.plan, execution);
   } else if (options.choices && plan.coupled) {
     const TimeVariation variation = plan.choices.variation;
     result.plan.choices = *options.choices;

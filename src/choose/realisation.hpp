@@ -15,7 +15,7 @@ struct Realised {
   OrderScores order_scores;
   RefinementChoice refinement;
   Findings findings;
-  bool instead = false;  // of the regression of the rival
+  bool instead = false;  // of another regression than the chosen one
 };
 
 // Gets the model before EM, if EM follows, and its plan.

@@ -122,6 +122,11 @@ Index checked_windows(const Ensemble& data, const Plan& plan) {
   return whole;
 }
 
+// May a model from this regression be the start of EM?
+bool may_start_em(const IdentifyOptions& options) {
+  return options.refine.value_or(true) && options.method != Method::regression;
+}
+
 // Lag orders to choose from. More than half of the steps must remain for the evaluation. The windows without a gap must
 // be at least twice as many as the unknowns. Each uncoupled step needs at least one degree of freedom.
 std::vector<Index> lag_candidates(const Ensemble& selection, const Ensemble& data, bool nominal, InitialState initial,
@@ -129,7 +134,7 @@ std::vector<Index> lag_candidates(const Ensemble& selection, const Ensemble& dat
   if (options.lags) return {*options.lags};
   const Index needed = least_lags(data, options), first = first_scored(initial, 1, period);
   const bool coupled = period > 0 || options.smoothing != 0.0;
-  const bool starts_em = period == 0 && options.refine.value_or(true);
+  const bool starts_em = period == 0 && may_start_em(options);
   // A start from few windows leads EM to a wrong maximum.
   const Index windows_each = starts_em && selection.missing() > 0 ? enough_windows : 2;
   std::vector<Index> candidates;
@@ -193,7 +198,7 @@ void choose_variation(const Ensemble& data, const Ensemble& selection, const Ide
       for (const Jump& jump : result.jumps) o.jumps.push_back(jump.step);
     }
     if (!o.jumps.empty()) {
-      if (options.refine.value_or(true)) o.lags = half_of(o.lags, result.smoothing_choice.lags);
+      if (may_start_em(options)) o.lags = half_of(o.lags, result.smoothing_choice.lags);
       result.smoothing_choice = choose_smoothing(selection, o);
     }
     plan.lags = result.smoothing_choice.lags;
@@ -238,18 +243,18 @@ void choose_variation(const Ensemble& data, const Ensemble& selection, const Ide
   if (constant) plan.lags = constant->lags;
 }
 
-// The regressions that choose_variation() does not reach.
+// The regressions that choose_variation() does not reach, and the one that it chose.
 std::optional<Rivals> rivals_beside(const Ensemble& data, const Ensemble& selection, IdentifyOptions options,
                                     SmoothingOptions o, const Plan& plan) {
   const TimeVariation& variation = plan.choices.variation;
-  if (options.period > 0 || options.smoothing || options.lags || options.states || options.choices || options.jumps ||
-      !variation.jumps.empty() || selection.experiments() < 2)
+  if (variation.period > 1 || options.states || options.choices || options.jumps || !variation.jumps.empty() ||
+      selection.experiments() < 2)
     return std::nullopt;
-  const bool starts_em = options.refine.value_or(true);
+  const Index reached = o.lags.back();
   options.refine = false;
   o.lags = lag_candidates(selection, data, plan.nominal, o.initial_state, 0, options);
   return Rivals{o, plan.lags, variation.period == 1 ? std::numeric_limits<double>::infinity() : variation.smoothing,
-                starts_em ? enough_for_em : o.lags.back()};
+                reached, options.period > 0 || options.smoothing || options.lags};
 }
 
 // One regression couples all steps. `known`: the decision about the initial state, if there is one.
@@ -367,12 +372,13 @@ Regressed regressed(const Ensemble& data, const Selection& selection, bool nomin
   result.plan.feedthrough =
       choose_feedthrough(*selection.samples, result.plan, in_stage(options.execution, WorkStage::feedthrough));
   if (!result.plan.feedthrough.present) result.arx = regressions(data, result.plan, {options.execution.threads, {}});
+  if (result.rivals) result.rivals->options.feedthrough = result.plan.feedthrough.present;
   append(result.findings, findings_of(result.plan.feedthrough, data.names));
   return result;
 }
 
-Regressed regressed_as(const Rival& rival, const Ensemble& data, const Selection& selection, const Regressed& first,
-                       const IdentifyOptions& options) {
+Regressed regressed_as(const RegressionErrors::Found& rival, const Ensemble& data, const Selection& selection,
+                       const Regressed& first, const IdentifyOptions& options) {
   IdentifyOptions stated = options;
   stated.lags = rival.lags;
   stated.smoothing = rival.smoothing;

@@ -22,7 +22,7 @@ struct Regressed {
   LagOrderErrors lag_order_errors;   // from regressions of each step alone
   SmoothingChoice smoothing_choice;  // from coupled steps
   std::vector<Jump> jumps;           // of coupled steps
-  std::optional<Rivals> rivals;      // of coupled steps without a jump, unless p, λ or jumps are stated
+  std::optional<Rivals> rivals;      // of coupled steps without a jump, if n may be chosen
   Findings findings;
 };
 
@@ -44,7 +44,7 @@ Regressed regressed(const Ensemble& departures, const Selection& selection, bool
                     const IdentifyOptions& options);
 
 // Takes p and λ of a rival of `first`.
-Regressed regressed_as(const Rival& rival, const Ensemble& departures, const Selection& selection,
+Regressed regressed_as(const RegressionErrors::Found& rival, const Ensemble& departures, const Selection& selection,
                        const Regressed& first, const IdentifyOptions& options);
 
 // Fits the regression of a decided plan. \throws std::invalid_argument as above

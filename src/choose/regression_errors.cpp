@@ -39,12 +39,12 @@ class Predictions {
 }  // namespace
 
 RegressionErrors::RegressionErrors(const Ensemble& e, const SmoothingOptions& o, Index held_out,
-                                   std::vector<Index> horizons)
+                                   std::vector<Index> horizons, Index folds)
     : options_(o),
       ahead_{first_scored(o.initial_state, o.lags.back(), 0), std::move(horizons)},
       weights_(weights_of(o.output_weights, e.outputs())) {
   std::erase_if(ahead_.horizons, [&](Index h) { return h > 1 && 2 * h > e.steps() - ahead_.from; });
-  const Index folds = fold_count(e.experiments());
+  if (folds == 0) folds = fold_count(e.experiments());
   for (Index f = 0; f < std::min(held_out, folds); ++f) parts_.push_back(fold(e, f, folds, o.centred));
 }
 

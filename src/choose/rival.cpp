@@ -16,13 +16,16 @@ constexpr double all_alike = std::numeric_limits<double>::infinity();  // λ of 
 // λ of models that vary, where one model for all steps was chosen.
 constexpr double slow[] = {1e3, 316.0, 100.0};
 
+// A regression that is to be the model must predict better by this factor than a model without states. A model of fewer
+// states says more: the factor's logarithm is in proportion to the states that it saves.
+constexpr double far_better = 1.25;
+// A guard with nearly all experiments: one part of so many is held out, and so many parts in turn.
+constexpr Index small_parts = 20, held_out_parts = 5;
+
 class Race {
  public:
   Race(const RegressionErrors& errors, const std::vector<Squares>& of_models)
-      : errors_(errors),
-        models_(errors.error_of(of_models)),
-        models_in_first_(errors.error_of({of_models.front()})),
-        folds_(Index(of_models.size())) {}
+      : errors_(errors), models_in_first_(errors.error_of({of_models.front()})), folds_(Index(of_models.size())) {}
 
   // Does this regression predict better than those before?
   bool leads(Index lags, double smoothing) {
@@ -34,23 +37,18 @@ class Race {
     hopeless_ = 0;
     for (Squares& squares : errors_.squares(1, folds_, lags, smoothing)) own.push_back(std::move(squares));
     HeldOutError found = errors_.error_of(own);
-    const bool smaller = !best_ || found.value < best_->second.value;
-    if (smaller) best_.emplace(Rival{lags, smoothing}, std::move(found));
+    const bool smaller = !best_ || found.value < best_->error.value;
+    if (smaller) best_.emplace(lags, smoothing, std::move(found));
     return smaller;
   }
-  // The orders from `least` on, until two in succession are hopeless.
-  void run(const std::vector<Index>& orders, Index least, double smoothing) {
+  // The orders from `least` to `most`, until two in succession are hopeless.
+  void run(const std::vector<Index>& orders, Index least, Index most, double smoothing) {
     hopeless_ = 0;
     for (const Index p : orders)
-      if (p >= least && hopeless_ < 2) leads(p, smoothing);
+      if (p >= least && p <= most && hopeless_ < 2) leads(p, smoothing);
   }
 
-  std::optional<Rival> winner() const {
-    // A regression and EM often predict alike, and a second search takes much time.
-    constexpr double standard_errors = 2.0;
-    if (!best_ || !clearly_smaller(best_->second, models_, standard_errors)) return std::nullopt;
-    return best_->first;
-  }
+  const std::optional<RegressionErrors::Found>& winner() const { return best_; }
 
  private:
   // Does the first fold exclude that the regression predicts as well as the models?
@@ -62,26 +60,47 @@ class Race {
   }
 
   const RegressionErrors& errors_;
-  HeldOutError models_, models_in_first_;
+  HeldOutError models_in_first_;
   Index folds_;
-  std::optional<std::pair<Rival, HeldOutError>> best_;
+  std::optional<RegressionErrors::Found> best_;
   int hopeless_ = 0;  // number of the last regressions that were
 };
 
 }  // namespace
 
-std::optional<Rival> better_rival(const Rivals& rivals, const RegressionErrors& errors,
-                                  const std::vector<Squares>& of_models) {
+std::optional<RegressionErrors::Found> best_rival(const Rivals& rivals, const RegressionErrors& errors,
+                                                  const std::vector<Squares>& of_models) {
+  if (rivals.stated) return std::nullopt;
   const std::vector<Index>& orders = rivals.options.lags;
   Race race(errors, of_models);
   if (std::isinf(rivals.smoothing)) {
     for (const double slower : slow)
       if (!race.leads(std::min(rivals.lags, orders.back()), slower)) break;
   } else {
-    race.run(orders, rivals.lags, all_alike);
-    race.run(orders, rivals.reached + 1, rivals.smoothing);
+    race.run(orders, rivals.lags, orders.back(), all_alike);
+    race.run(orders, rivals.lags + 1, rivals.reached, rivals.smoothing);
+    race.run(orders, rivals.reached + 1, orders.back(), rivals.smoothing);
   }
   return race.winner();
+}
+
+bool surely_smaller(const HeldOutError& regression, const HeldOutError& model) {
+  constexpr double standard_errors = 2.0;
+  return clearly_smaller(regression, model, standard_errors);
+}
+
+bool far_smaller(const HeldOutError& regression, const HeldOutError& model) {
+  return regression.value < model.value - std::log(far_better) && surely_smaller(regression, model);
+}
+
+bool replaces_model(const RegressionErrors::Found& regression, const HeldOutError& model, Index states,
+                    const Ensemble& selection, const SmoothingOptions& options) {
+  const double all = double(regression.lags * selection.outputs()),
+               limit = model.value - std::log(far_better) * std::max(0.0, 1.0 - double(states) / all);
+  if (!(regression.error.value < limit) || !surely_smaller(regression.error, model)) return false;
+  const RegressionErrors nearly_all(selection, options, held_out_parts, {1, 5, 20},
+                                    std::min(small_parts, selection.experiments()));
+  return nearly_all.found(regression.lags, regression.smoothing).error.value < limit;
 }
 
 }  // namespace tokid

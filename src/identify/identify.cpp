@@ -64,6 +64,12 @@ void check_method(const Ensemble& data, const IdentifyOptions& options) {
   if (tvera && options.refine.value_or(false))
     throw std::invalid_argument(
         "method: tvera found, subspace needed for the refinement of an identification; refine() refines any model");
+  if (options.method == Method::regression) {
+    if (options.states)
+      throw std::invalid_argument("states: found, but the method regression has all states of the regression");
+    if (options.weighting || options.refine.value_or(false))
+      throw std::invalid_argument("method: regression found, subspace needed for a weighting or the refinement");
+  }
   if (options.jumps && !options.jumps->empty()) check_jumps(data, options);
   if (options.period == 1 && options.smoothing && !std::isinf(*options.smoothing))
     throw std::invalid_argument(
@@ -196,7 +202,8 @@ Findings findings_of_states(const Model& model, const Ensemble& data, const Plan
   Findings result;
   const Index unknowns = model.states() + model.inputs;
   const TimeVariation& variation = plan.choices.variation;
-  if (plan.coupled && variation.period == 0 && variation.smoothing > 0 && data.experiments() < unknowns)
+  if (plan.coupled && plan.method == Method::subspace && variation.period == 0 && variation.smoothing > 0 &&
+      data.experiments() < unknowns)
     result.push_back({.kind = Finding::Kind::few_for_states,
                       .numbers = {{"experiments", double(data.experiments())}, {"unknowns", double(unknowns)}}});
   if (options.states && model.states() < *options.states)
@@ -560,6 +567,7 @@ Provenance origin_of(const IdentifyOptions& options, bool chosen, const Identifi
     origin.choices = choices;
   else if (!choices.delays.empty())
     origin.options->delays = choices.delays;
+  if (result.plan.method == Method::regression) origin.options->method = Method::regression;
   if (result.refinement.iterations > 0) origin.refinement = {result.refinement.smoothing, result.refinement.iterations};
   origin.feedthrough = result.plan.feedthrough;
   origin.version = version;

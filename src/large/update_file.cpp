@@ -10,6 +10,7 @@
 #include "io/formats/provenance_text.hpp"
 #include "io/formats/schema.hpp"
 #include "io/guard/atomic_file.hpp"
+#include "model/options.hpp"
 #include "tokid/update.hpp"
 
 namespace tokid {
@@ -17,6 +18,8 @@ namespace tokid {
 namespace {
 
 using namespace io;
+
+const Option& method_option() { return *find_option("method"); }
 
 Array vector_array(const Vector& v, Index rows) {
   return {{size(rows), size(v.size() / std::max<Index>(1, rows))}, std::vector<double>(v.begin(), v.end())};
@@ -77,7 +80,7 @@ Arrays arrays_of(const UpdateState& state, Layout layout) {
   const WindowFactors& f = state.factors;
   Arrays arrays;
   arrays.emplace_back("options", scalar(provenance_text(state.provenance)));
-  arrays.emplace_back("method", scalar(std::string(state.plan.method == Method::tvera ? "tvera" : "subspace")));
+  arrays.emplace_back("method", scalar(method_option().write({.method = state.plan.method}).get<std::string>()));
   arrays.emplace_back("initial_state", scalar(std::string(to_string(f.initial_state))));
   arrays.emplace_back("inputs", scalar(f.inputs));
   arrays.emplace_back("lags", scalar(f.lags));
@@ -110,9 +113,10 @@ Arrays arrays_of(const UpdateState& state, Layout layout) {
 Plan plan_of(const Fields& fields, const Provenance& provenance, const WindowFactors& factors) {
   Plan plan;
   const std::string method = fields.text("method");
-  if (method != "tvera" && method != "subspace")
-    fail("data set 'method': '{}' found, tvera or subspace needed", method);
-  plan.method = method == "tvera" ? Method::tvera : Method::subspace;
+  IdentifyOptions read;
+  if (!method_option().read(read, method) || !read.method)
+    fail("data set 'method': '{}' found, {} needed", method, method_option().needed());
+  plan.method = *read.method;
   plan.lags = factors.lags;
   plan.initial_state = factors.initial_state;
   plan.states = fields.integer("states");

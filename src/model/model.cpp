@@ -140,7 +140,8 @@ Index estimation_window(const Model& model) {
 Index unknowns(const Model& model, Index k) {
   if (!model.has(&Step::has_lags)) return 0;
   const Index through = has_feedthrough(model.provenance) ? model.inputs : 0;
-  return through + (model.method == "tvera" ? model.at(k).lags() * (model.inputs + model.outputs) : model.n(k));
+  const bool on_windows = model.method == "tvera" || model.method == "regression";
+  return through + (on_windows ? model.at(k).lags() * (model.inputs + model.outputs) : model.n(k));
 }
 
 bool starts_from_zero(const Model& model, InitialState initial) {

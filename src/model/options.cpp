@@ -201,8 +201,11 @@ std::vector<Option> table() {
       option("states", &O::states, count,
              "State dimension n (auto: the rank of the Hankel matrices, or by cross-validation if the data are noisy)"),
       option("lags", &O::lags, count, "Lag order p (auto: the smallest leave-one-out error)"),
-      option("method", &O::method, or_auto(one_of<Method>({{"tvera", Method::tvera}, {"subspace", Method::subspace}})),
-             "Method of the realisation (auto: tvera without noise from zero initial states, else subspace)"),
+      option("method", &O::method, or_auto(one_of<Method>({{"tvera", Method::tvera},
+                                                  {"subspace", Method::subspace},
+                                                  {"regression", Method::regression}})),
+             "Method of the realisation (auto: tvera without noise from zero initial states, else subspace, or the "
+             "regression itself with all its states if that predicts better)"),
       option("smoothing", &O::smoothing, or_auto(penalties()),
              "Penalty lambda on variation over time: 0: no penalty, infinity: one model (auto: by cross-validation)"),
       option("feedthrough", &O::feedthrough, or_auto(yes_or_no()),

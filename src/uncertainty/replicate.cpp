@@ -30,7 +30,7 @@ std::vector<Index> delays_of(const Model& model) {
 
 // The options of the identification with all its choices fixed, for departures from the nominal trajectory.
 IdentifyOptions held_options(const Model& model, IdentifyOptions options) {
-  options.states = model.states();
+  if (model.method != "regression") options.states = model.states();
   options.lags = model.max_lags() - latest(delays_of(model));
   options.feedthrough = has_feedthrough(model.provenance);
   options.initial_state = model.initial_state;
@@ -91,7 +91,8 @@ Identifier identifier(const Model& model, const IdentifyOptions& identification,
 }
 
 Index unknowns_of_states(const Model& model, Index steps) {
-  const Index all = model.states() + model.inputs;
+  const bool on_windows = model.method == "regression" && smoothing_of(model) == 0;
+  const Index all = on_windows ? unknowns(model, model.k_end() - 1) : model.states() + model.inputs;
   return model.period > 0 && steps > 0 ? ceil_div(all * std::min(model.period, steps), steps) : all;
 }
 
