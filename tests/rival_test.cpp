@@ -111,33 +111,27 @@ TEST(Rivals, AreGivenUpWhereHopeless) {
   EXPECT_FALSE(best_rival({o, 2, 100.0, 4}, errors, hopeless));
 }
 
-TEST(Rivals, ReplaceModelsOfFewStatesWhereTheyPredictFarBetter) {
+// Does the regression replace a model of so many states whose error is larger by this factor?
+bool replaces(const Ensemble& e, Index lags, double smoothing, double gain, Index states) {
   SmoothingOptions o;
-  o.lags = {8};
+  o.lags = {lags};
+  const RegressionErrors::Found regression = RegressionErrors(e, o, 3).found(lags, smoothing);
+  HeldOutError model = regression.error;
+  model.value += std::log(gain);
+  return replaces_model(regression, model, states, e, o);
+}
+
+TEST(Rivals, ReplaceModelsOfFewStatesWhereTheyPredictFarBetter) {
   const Ensemble e = late(24, 3, 0.1);
-  const RegressionErrors errors(e, o, 3);
-  const RegressionErrors::Found regression = errors.found(8, 100.0);
-  const auto replaces = [&](double gain, Index states) {
-    HeldOutError model = regression.error;
-    model.value += std::log(gain);
-    return replaces_model(regression, model, states, e, o);
-  };
-  EXPECT_TRUE(replaces(1.5, 1));
-  EXPECT_FALSE(replaces(1.1, 1));
-  EXPECT_TRUE(replaces(1.1, 7));
-  EXPECT_FALSE(replaces(0.9, 7));
+  EXPECT_TRUE(replaces(e, 8, 100.0, 1.5, 1));
+  EXPECT_FALSE(replaces(e, 8, 100.0, 1.1, 1));
+  EXPECT_TRUE(replaces(e, 8, 100.0, 1.1, 7));
+  EXPECT_FALSE(replaces(e, 8, 100.0, 0.9, 7));
 }
 
 // With 39 unknowns, the least squares solution of 32 experiments predicts far better than that of 38 or 40.
 TEST(Rivals, DoNotReplaceModelsWhereExperimentsAreAsManyAsUnknowns) {
-  SmoothingOptions o;
-  o.lags = {19};
-  const Ensemble e = late(40, 3, 0.1);
-  const RegressionErrors errors(e, o, 3);
-  const RegressionErrors::Found regression = errors.found(19, 0.0);
-  HeldOutError model = regression.error;
-  model.value += std::log(1.5);
-  EXPECT_FALSE(replaces_model(regression, model, 1, e, o));
+  EXPECT_FALSE(replaces(late(40, 3, 0.1), 19, 0.0, 1.5, 1));
 }
 
 TEST(Rivals, TakeOverWhereTheyPredictBetter) {

@@ -8,8 +8,6 @@
 #include <utility>
 #include <vector>
 
-#include "model/continuation.hpp"
-
 namespace tokid {
 
 namespace {
