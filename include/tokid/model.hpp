@@ -26,7 +26,8 @@ struct Model {
   // Coordinates of the states: raw, reference or smooth. The method may already compute smooth coordinates: the
   // subspace realisation does so if λ or a period couples the steps.
   std::string frame = "raw";
-  // The method that made the model: tvera, subspace, regression, or em after a refinement. known: the matrices come from elsewhere.
+  // The method that made the model: tvera, subspace, regression, or em after a refinement. known: the matrices come
+  // from elsewhere.
   std::string method;
   InitialState initial_state = InitialState::zero;
   Channels names;
@@ -77,8 +78,8 @@ Findings findings_of_end(const Model& model, const Ensemble& data);
 Findings differences(const Model& model, const Ensemble& data);
 
 // Number of unknowns per output in the regression of step k, whose rank and condition the model stores. With TVERA and
-// for the regression itself, the unknowns are the coefficients of the window; else those of states and inputs. The inputs of step k
-// count only with feedthrough. 0 if the model does not come from regressions.
+// for the regression itself, the unknowns are the coefficients of the window; else those of states and inputs. The
+// inputs of step k count only with feedthrough. 0 if the model does not come from regressions.
 Index unknowns(const Model& model, Index k);
 
 // Is the state at the first step of the model known to be zero? If the model begins after step 0, it is not known.

@@ -43,9 +43,9 @@ bool is_centred(const Plan& plan);
 // smooth_arx()
 GtvArx regressions(const Windows& windows, const Plan& plan, const Execution& execution = {});
 
-// The model from the regressions: (28)-(42), the subspace realisation, or the regressions in observer form. EM is not applied, and the coordinates are
-// those of the realisation. Only TVERA uses the free responses. \throws std::invalid_argument as markov(), tvera() and
-// subspace()
+// The model from the regressions: (28)-(42), the subspace realisation, or the regressions in observer form. EM is not
+// applied, and the coordinates are those of the realisation. Only TVERA uses the free responses.
+// \throws std::invalid_argument as markov(), tvera(), subspace() and observer_form()
 Model realise(const Windows& windows, GtvArx arx, const FreeResponse& free, const Plan& plan,
               const Execution& execution = {});
 
