@@ -61,6 +61,26 @@ TEST(InputDelays, HeldInputsGiveTheOutputsOfDelayedOnes) {
   }
 }
 
+TEST(InputDelays, HeldInputsAreNoUnknownsOfAnEstimate) {
+  const std::vector<Index> delays{10, 10, 10};
+  Model model = of_undelayed(random_system(SystemSize{4, 2, 3}, 40, 0.9, 3), delays);
+  model.provenance.choices.emplace().delays = delays;
+  const Index window = estimation_window(model);
+  EXPECT_EQ(window, 12);
+  Ensemble inputs(5, 40, 3, 2);
+  RandomNumbers random(4);
+  for (Index k = 0; k < 40; ++k)
+    for (Index n = 0; n < 5; ++n)
+      for (Index i = 0; i < 3; ++i) inputs.u(n, k, i) = random.normal();
+  inputs.initial_state = InitialState::zero;
+  Ensemble measured = simulate(model, inputs);
+  measured.initial_state = model.initial_state = InitialState::unknown;
+  const Prediction found = predict(model, measured);
+  double size = 0.0;
+  for (Index k = 0; k < 40; ++k) size = std::max(size, measured.output(k).norm());
+  for (Index k = window; k < 40; ++k) EXPECT_LT((found.y.output(k) - measured.output(k)).norm(), 1e-9 * size) << k;
+}
+
 // A regression of five lags may begin a little before the response.
 TEST(InputDelays, AreFoundForEachInput) {
   for (const std::uint64_t seed : {1, 2, 3})

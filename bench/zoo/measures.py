@@ -63,7 +63,7 @@ def read_model(path, u_scale, y_scale):
         x0 = np.zeros(n)
     elif "x0_mean" in file and file["x0_mean"].size == dims[0]:
         x0 = np.pad(file["x0_mean"].ravel(), (0, n - dims[0]))
-    window = max(int(file["lags"].max()) if "lags" in file else 0, -(-n // c.shape[1]))
+    window = int(file["lags"].max()) if "lags" in file else -(-n // c.shape[1])
     s = file["innovation_cov"] / np.outer(y_scale, y_scale) if "innovation_cov" in file else None
     nominal = [file[name] / scale if name in file else 0.0
                for name, scale in (("u_nominal", u_scale), ("y_nominal", y_scale))]

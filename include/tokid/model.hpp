@@ -88,7 +88,8 @@ bool starts_from_zero(const Model& model, InitialState initial);
 // Does the model have x0_mean and x0_cov for unknown states at its first step?
 bool has_initial_estimate(const Model& model, InitialState initial);
 
-// The number of steps whose samples determine a state: the largest lag order, but at least ⌈n/m⌉.
+// The number of steps whose samples determine a state: the largest lag order, but at least ⌈n/m⌉. States that hold
+// inputs are not counted in n: after the longest dead time, the inputs of the window determine them.
 Index estimation_window(const Model& model);
 
 struct PredictOptions {

@@ -8,7 +8,7 @@
 
 #include "base/integers.hpp"
 #include "data/output_weights.hpp"
-#include "model/input_delays.hpp"
+#include "model/delays.hpp"
 #include "noise/observer_form.hpp"
 #include "tokid/markov.hpp"
 #include "tokid/subspace.hpp"

@@ -100,6 +100,8 @@ RefinedModel refine_model(const Model& model, const Ensemble& data, const Refine
   result.refinement = refine(model, data, part.refine);
   Provenance& provenance = result.refinement.model.provenance;
   note_data(provenance, fingerprint(data));
+  // EM also changes the states that held inputs.
+  if (options.refine.estimate_matrices && provenance.choices) provenance.choices->delays.clear();
   provenance.refinement = {result.smoothing, result.refinement.iterations};
   if (options.feedthrough)
     provenance.feedthrough = {.present = *options.feedthrough, .reason = FeedthroughChoice::Reason::stated};

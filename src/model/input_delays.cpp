@@ -2,7 +2,6 @@
 #include "model/input_delays.hpp"
 
 #include <algorithm>
-#include <numeric>
 
 namespace tokid {
 
@@ -62,10 +61,6 @@ Matrix delayed(Matrix inputs, const std::vector<Index>& delays) {
   }
   return inputs;
 }
-
-Index held_inputs(const std::vector<Index>& delays) { return std::accumulate(delays.begin(), delays.end(), Index{0}); }
-
-Index latest(const std::vector<Index>& delays) { return delays.empty() ? 0 : std::ranges::max(delays); }
 
 Model of_undelayed(Model model, const std::vector<Index>& delays) {
   const Index held = held_inputs(delays);

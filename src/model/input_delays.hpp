@@ -4,6 +4,7 @@
 
 #include <vector>
 
+#include "model/delays.hpp"
 #include "tokid/model.hpp"
 
 namespace tokid {
@@ -13,11 +14,6 @@ namespace tokid {
 // Input i of a step becomes that of delays[i] steps earlier. Before the first step, inputs are zero.
 Ensemble delayed(Ensemble ensemble, const std::vector<Index>& delays);
 Matrix delayed(Matrix inputs, const std::vector<Index>& delays);  // (T × r), one experiment
-
-// The number of states that hold inputs on their way.
-Index held_inputs(const std::vector<Index>& delays);
-// The longest dead time; 0 if there is none.
-Index latest(const std::vector<Index>& delays);
 
 // The model of the inputs themselves, from a model of the delayed inputs. Its states are those of `model`, and after
 // them for each input the inputs of the steps before, the last one first.

@@ -7,7 +7,9 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "base/integers.hpp"
 #include "base/nan.hpp"
+#include "model/delays.hpp"
 #include "tokid/parallel.hpp"
 
 namespace tokid {
@@ -134,7 +136,9 @@ bool ends_early(const Model& model, Index steps) {
 }
 
 Index estimation_window(const Model& model) {
-  return std::max(model.max_lags(), (model.states() + model.outputs - 1) / model.outputs);
+  const std::vector<Index> delays = delays_of(model.provenance);
+  const Index of_plant = std::max<Index>(0, model.states() - held_inputs(delays));
+  return std::max(model.max_lags(), latest(delays) + ceil_div(of_plant, model.outputs));
 }
 
 Index unknowns(const Model& model, Index k) {

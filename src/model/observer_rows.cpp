@@ -8,6 +8,7 @@
 
 #include "base/nan.hpp"
 #include "model/continuation.hpp"
+#include "model/delays.hpp"
 #include "model/observer_step.hpp"
 #include "model/state_estimate.hpp"
 
@@ -22,6 +23,7 @@ std::optional<Vector> known_start(const Model& model, InitialState initial, bool
 Rows::Rows(const Model& model, Index experiments, Index k, const std::optional<Vector>& x)
     : model_(model),
       window_(estimation_window(model)),
+      held_(held_inputs(delays_of(model.provenance))),
       k_(k),
       n_(states_at(model, k)),
       x_(Vector::Zero(experiments * model.states())),
@@ -153,7 +155,7 @@ bool Rows::may_determine(Index n, Index from) const {
   Index samples = 0;
   for (Index k = from; k < k_; ++k)
     for (const double y : recent_y_[place(k)].row(n)) samples += std::isfinite(y);
-  return samples >= states_at(model_, from);
+  return samples >= states_at(model_, from) - held_;
 }
 
 }  // namespace tokid::observer

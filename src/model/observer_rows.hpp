@@ -70,9 +70,9 @@ class Rows {
   size_t place(Index k) const { return size_t(k % (2 * window_)); }  // of a step in recent_u_ and recent_y_
 
   const Model& model_;
-  Index window_, k_, n_;
-  Vector x_, next_;           // x̂_k in the first N·n_k numbers; the largest n_k has room
-  std::vector<Index> since_;  // (N) first step after the loss of the state, or `sees`
+  Index window_, held_, k_, n_;  // held_: number of states that hold inputs
+  Vector x_, next_;              // x̂_k in the first N·n_k numbers; the largest n_k has room
+  std::vector<Index> since_;     // (N) first step after the loss of the state, or `sees`
   bool all_see_;
   std::vector<Matrix> recent_u_, recent_y_;  // (2·window) samples of recent steps, if some experiment was blind
   AvailableOutputs available_;

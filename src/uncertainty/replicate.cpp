@@ -6,7 +6,7 @@
 
 #include "base/integers.hpp"
 #include "identify/identify.hpp"
-#include "model/input_delays.hpp"
+#include "model/delays.hpp"
 #include "tokid/em.hpp"
 
 namespace tokid::uncertainty {
@@ -24,14 +24,10 @@ constexpr double settled = 1e-5, settled_farther = 1e-6;
 constexpr Index thorough_factor = 10;
 constexpr double thorough_settled = 1e-3;
 
-std::vector<Index> delays_of(const Model& model) {
-  return model.provenance.choices ? model.provenance.choices->delays : std::vector<Index>{};
-}
-
 // The options of the identification with all its choices fixed, for departures from the nominal trajectory.
 IdentifyOptions held_options(const Model& model, IdentifyOptions options) {
   if (model.method != "regression") options.states = model.states();
-  options.lags = model.max_lags() - latest(delays_of(model));
+  options.lags = model.max_lags() - latest(delays_of(model.provenance));
   options.feedthrough = has_feedthrough(model.provenance);
   options.initial_state = model.initial_state;
   options.nominal = NominalChoice::none;
@@ -86,7 +82,7 @@ double smoothing_of(const Model& model) {
 
 Identifier identifier(const Model& model, const IdentifyOptions& identification, double share, Care care) {
   // EM would also change the states that hold inputs on their way.
-  return by_em(model) && latest(delays_of(model)) == 0 ? by_more_em(model, share, care)
+  return by_em(model) && latest(delays_of(model.provenance)) == 0 ? by_more_em(model, share, care)
                                                        : by_identification(model, identification, share);
 }
 
