@@ -106,7 +106,7 @@ std::optional<Model> begun_earlier(const Model& late, const Ensemble& departures
   }
   const Index rows = estimation_window(late), begin = late.full_begin();
   const Ensemble first = stretch(departures, 0, std::min(departures.steps(), 2 * begin + rows));
-  // Shared matrices do not err in the first steps. The other conditions leave the distribution of x_0, the noise of an
+  // Shared matrices are estimated from all steps. The other conditions leave the distribution of x_0, the noise of an
   // output or the last steps unknown.
   const bool whole = late.period > 0 || departures.experiments() <= late.states() || !all_outputs_measured(first) ||
                      late.k_end() < departures.steps();
@@ -132,11 +132,12 @@ std::optional<Model> begun_earlier(const Model& late, const Ensemble& departures
   }
 }
 
-// The one-step errors of `model` at the first steps of `late`, relative to those that the regressions of `late` have
-// there: mean over the outputs of the logarithm. Errors of nearly exact outputs count as in held_out_error().
+// The one-step errors of `model` at the first steps that `late` predicts, relative to those that the regressions of
+// `late` have there: mean over the outputs of the logarithm. Errors of nearly exact outputs count as in
+// held_out_error().
 double excess_error(const Model& model, const Model& late, const Ensemble& departures, InitialState initial) {
-  const Index begin = late.full_begin(),
-              end = std::min({departures.steps(), late.k_end(), 2 * begin + estimation_window(late)});
+  const Index rows = estimation_window(late), begin = late.period > 0 ? rows : late.full_begin(),
+              end = std::min({departures.steps(), late.k_end(), 2 * begin + rows});
   const Ensemble first = stretch(departures, 0, end);
   const Ensemble predicted = predict(of_departures(model, first), first, {1, initial}).y;
   Eigen::ArrayXd found = Eigen::ArrayXd::Zero(departures.outputs()), expected = found, sizes = found;
@@ -159,9 +160,7 @@ double excess_error(const Model& model, const Model& late, const Ensemble& depar
 Model with_first_steps(const Model& late, const Ensemble& departures, InitialState initial, int threads) {
   if (!can_begin_earlier(late, initial)) return late;
   std::optional<Model> earlier = begun_earlier(late, departures, initial, threads);
-  // Shared matrices are those of the first steps, too.
-  const bool kept =
-      earlier && (late.period > 0 || excess_error(*earlier, late, departures, initial) <= std::log(spoiled));
+  const bool kept = earlier && excess_error(*earlier, late, departures, initial) <= std::log(spoiled);
   return kept ? std::move(*earlier) : late;
 }
 
