@@ -118,6 +118,18 @@ Json json(const Trial& trial) {
   return j;
 }
 
+Json json(const HeldOutErrors& errors) { return {{"error", errors.error}, {"standard_error", errors.standard_error}}; }
+
+Json json(const RegressionComparison& comparison) {
+  return {{"horizons", comparison.horizons},
+          {"experiments", comparison.experiments},
+          {"first_step", comparison.first_step},
+          {"model", json(comparison.model)},
+          {"regression", json(comparison.regression)},
+          {"lags", comparison.lags},
+          {"smoothing", json_penalty(comparison.smoothing)}};
+}
+
 // null if nothing was tried. Errors are weighted geometric means of the one-step, many-step and simulation errors.
 Json json(const RefinementChoice& choice) {
   if (choice.trials.empty() && choice.jumps.empty()) return {};
@@ -444,6 +456,7 @@ Json json(const Call& call, const Data& data, const Identification& result, cons
   for (const SmoothingTrial& t : result.smoothing_choice.trials)
     j["smoothing_trials"].push_back({{"lags", t.lags}, {"smoothing", json_penalty(t.smoothing)}, {"error", t.error}});
   j["refinement"] = json(result.refinement);
+  j["comparison"] = result.comparison ? json(*result.comparison) : Json();
   j["order_scores"] = json(state_trial(result));
   j["initial_state"] = to_string(model.initial_state);
   const InitialStateTest& initial = result.initial_state_test;

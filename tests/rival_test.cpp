@@ -74,6 +74,33 @@ TEST(HeldOutErrors, OfOneOutputDoNotSpoilThoseOfTheOthers) {
   EXPECT_NEAR(held_out_error(s, Vector::Ones(2)).value, 0.75 * 0.5 * std::log(0.01), 100 * epsilon);
 }
 
+// The standard errors are those of the jackknife but for terms of higher order.
+TEST(HeldOutErrors, OfHorizonsAreMeansOverTheOutputs) {
+  RandomNumbers random(5);
+  const Index count = 400;
+  const Squares s = random_squares(random, count, 6);
+  const Vector weights = Vector::LinSpaced(2, 1.0, 3.0);
+  const HeldOutErrors found = errors_at_horizons(s, weights);
+  ASSERT_EQ(found.error.size(), 3);
+  for (Index h = 0; h < 3; ++h) {
+    const auto of = [&](const Squares& some) {
+      const Eigen::ArrayXd shares =
+          (some.errors.colwise().sum().array() / some.outputs.colwise().sum().array()).sqrt().transpose();
+      return (shares(2 * h) + 3 * shares(2 * h + 1)) / 4;
+    };
+    EXPECT_NEAR(found.error(h), of(s), 10 * epsilon);
+    double square = 0.0;
+    for (Index n = 0; n < count; ++n) {
+      Squares without = s;
+      without.errors.row(n).setZero();
+      without.outputs.row(n).setZero();
+      square += std::pow(of(without) - of(s), 2);
+    }
+    // One of 400 experiments changes the sums by about 1/400.
+    EXPECT_NEAR(found.standard_error(h), std::sqrt(square), 0.02 * found.standard_error(h));
+  }
+}
+
 // White inputs act 14 steps later on a system of one state.
 Ensemble late(Index experiments, std::uint64_t seed, double noise) {
   RandomNumbers random(seed);
@@ -111,39 +138,55 @@ TEST(Rivals, AreGivenUpWhereHopeless) {
   EXPECT_FALSE(best_rival({o, 2, 100.0, 4}, errors, hopeless));
 }
 
-// Does the regression replace a model of so many states whose error is larger by this factor?
-bool replaces(const Ensemble& e, Index lags, double smoothing, double gain, Index states) {
+bool holds(const Ensemble& e, Index lags, double smoothing) {
   SmoothingOptions o;
   o.lags = {lags};
-  const RegressionErrors::Found regression = RegressionErrors(e, o, 3).found(lags, smoothing);
-  HeldOutError model = regression.error;
-  model.value += std::log(gain);
-  return replaces_model(regression, model, states, e, o);
-}
-
-TEST(Rivals, ReplaceModelsOfFewStatesWhereTheyPredictFarBetter) {
-  const Ensemble e = late(24, 3, 0.1);
-  EXPECT_TRUE(replaces(e, 8, 100.0, 1.5, 1));
-  EXPECT_FALSE(replaces(e, 8, 100.0, 1.1, 1));
-  EXPECT_TRUE(replaces(e, 8, 100.0, 1.1, 7));
-  EXPECT_FALSE(replaces(e, 8, 100.0, 0.9, 7));
+  const RegressionErrors errors(e, o, 3);
+  return holds_with_nearly_all(errors.found(lags, smoothing), errors, e, o);
 }
 
 // With 39 unknowns, the least squares solution of 32 experiments predicts far better than that of 38 or 40.
-TEST(Rivals, DoNotReplaceModelsWhereExperimentsAreAsManyAsUnknowns) {
-  EXPECT_FALSE(replaces(late(40, 3, 0.1), 19, 0.0, 1.5, 1));
+TEST(Rivals, AreDroppedWhereExperimentsAreAsManyAsUnknowns) {
+  EXPECT_FALSE(holds(late(40, 3, 0.1), 19, 0.0));
+  EXPECT_TRUE(holds(late(40, 3, 0.1), 4, 0.0));
+  for (const Index experiments : {3, 9, 12, 24}) EXPECT_TRUE(holds(late(experiments, 3, 0.1), 8, 100.0)) << experiments;
 }
 
 TEST(Rivals, TakeOverWhereTheyPredictBetter) {
   int models = 0;
   const Identification found = identify(late(24, 4, 0.1), {.delays = std::vector<Index>{}}, [&](Model) { ++models; });
-  EXPECT_EQ(models, 1);  // before EM
+  EXPECT_LE(models, 1);  // before EM
   EXPECT_GE(found.plan.lags, 16);
   const Ensemble fresh = late(10, 5, 0.0);
   const Ensemble simulated = simulate(found.model, fresh);
   double error = 0.0;
   for (Index k = 0; k < 60; ++k) error += (simulated.output(k) - fresh.output(k)).squaredNorm();
   EXPECT_LT(std::sqrt(error / 600), 0.1);
+}
+
+// The pulse response of random taps needs as many states as it has taps, and so few experiments do not determine these
+// for EM.
+TEST(Rivals, AreTheModelWhereTheyPredictBetterThanEm) {
+  RandomNumbers random(7);
+  const Index taps = 16, steps = 44;
+  Vector h(taps);
+  for (double& tap : h) tap = random.normal();
+  Ensemble e(20, steps, 1, 1);
+  for (Index n = 0; n < 20; ++n) {
+    Vector past = Vector::Zero(taps);
+    for (Index k = 0; k < steps; ++k) {
+      e.u(n, k, 0) = random.normal();
+      e.y(n, k, 0) = h.dot(past) + 0.3 * random.normal();
+      past.tail(taps - 1) = past.head(taps - 1).eval();
+      past(0) = e.u(n, k, 0);
+    }
+  }
+  e.initial_state = InitialState::zero;
+  const Identification found = identify(e, {.delays = std::vector<Index>{}});
+  EXPECT_EQ(found.plan.method, Method::regression);
+  ASSERT_TRUE(found.comparison);
+  EXPECT_EQ(found.comparison->model.error, found.comparison->regression.error);
+  EXPECT_LT(found.comparison->model.error(0), 0.15);
 }
 
 // A balancing robot with its wheels under feedback. A model without the unstable state would simulate better.

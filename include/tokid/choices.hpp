@@ -83,4 +83,19 @@ struct RefinementChoice {
   std::vector<Jump> jumps = {};                      // ascending
   AheadCertainty ahead = {}, ahead_without_em = {};  // of the chosen models of the folds, and of the subspace models
 };
+
+// Errors of predictions of held-out experiments, for each of H horizons: the RMS of each output's errors over that of
+// its departures from the mean motion, mean over the outputs with their weights. Where a horizon has no value: NaN.
+struct HeldOutErrors {
+  Vector error, standard_error;  // (H), the latter over the experiments
+};
+// The errors of the models of the folds beside those of the regression that predicts best, on the same experiments.
+struct RegressionComparison {
+  std::vector<Index> horizons;  // (H) steps ahead, ascending; the first is 1
+  Index experiments = 0;        // held out, each once
+  Index first_step = 0;         // the first that is predicted
+  HeldOutErrors model, regression;
+  Index lags = 0;          // p and λ of the regression
+  double smoothing = 0.0;  // infinite: one regression for all steps
+};
 }  // namespace tokid

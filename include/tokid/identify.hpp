@@ -35,6 +35,8 @@ struct Identification {
   SmoothingChoice smoothing_choice;  // filled if p and λ were chosen together
   OrderScores order_scores;
   RefinementChoice refinement;
+  // Empty: the choices were not cross-validated, or the steps share their matrices periodically.
+  std::optional<RegressionComparison> comparison;
   // Median of the ratio σ_n / σ_{n+1} of singular values over the steps of full dimension. A large ratio confirms n.
   // NaN if not known.
   double singular_value_gap = std::numeric_limits<double>::quiet_NaN();

@@ -57,6 +57,7 @@ struct ReportOptions {
   std::string model_name, data_name;  // names of the files, shown as text
   Evaluation evaluation = Evaluation::automatic;
   Index identified_from = 0;                       // number of experiments of the identification; 0: not known
+  std::optional<RegressionComparison> comparison = {};  // of the identification; empty: not known
   Findings findings = {};                          // findings of the identification and others for the page
   Index horizon = 10;                              // H of the H-step predictions and their fit
   Index first_step = 0;                            // of the fits, as in ValidateOptions
@@ -109,6 +110,7 @@ struct VerdictCheck {
     simulation_fit,
     prediction_fit,
     input_effect,
+    regression,
     error_peaks,
     beyond_noise,
     outliers,
@@ -131,6 +133,7 @@ struct VerdictCheck {
   enum class Untested {
     no_predictions,
     no_varying_output,
+    no_cross_validation,
     few_errors,            // numbers: count, of `fewest` errors
     no_covariance,         // the model states no covariance
     uncertain_covariance,  // for lack of degrees of freedom

@@ -120,6 +120,20 @@ nb::any object_of(const Jump& j) {
   return make("Jump", {{"step", j.step}, {"loss", j.loss ? nb::object(nb::float_(*j.loss)) : nb::none()}});
 }
 
+nb::any object_of(const HeldOutErrors& e) {
+  return make("HeldOutErrors", {{"error", e.error}, {"standard_error", e.standard_error}});
+}
+
+nb::any object_of(const RegressionComparison& c) {
+  return make("RegressionComparison", {{"horizons", c.horizons},
+                                       {"experiments", c.experiments},
+                                       {"first_step", c.first_step},
+                                       {"model", object_of(c.model)},
+                                       {"regression", object_of(c.regression)},
+                                       {"lags", c.lags},
+                                       {"smoothing", c.smoothing}});
+}
+
 nb::any object_of(const RefinementChoice& c) {
   nb::list trials;
   for (const RefinementTrial& t : c.trials) trials.append(object_of(t));
@@ -373,6 +387,7 @@ nb::any object_of(const Identification& i) {
                                  {"smoothing_choice", object_of(i.smoothing_choice)},
                                  {"order_scores", object_of(i.order_scores)},
                                  {"refinement", object_of(i.refinement)},
+                                 {"comparison", i.comparison ? nb::object(object_of(*i.comparison)) : nb::none()},
                                  {"choices", i.plan.coupled ? nb::object(object_of(i.plan.choices)) : nb::none()},
                                  {"together", i.plan.coupled},
                                  {"noisy", i.plan.noisy},

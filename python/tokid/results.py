@@ -764,6 +764,50 @@ class Jump(_Result):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
+class HeldOutErrors(_Result):
+    """Errors of predictions of held-out experiments, at each horizon.
+
+    Attributes
+    ----------
+    error : ndarray, shape (H,)
+        RMS of the errors over that of the departures from the mean motion, mean over the outputs.
+    standard_error : ndarray, shape (H,)
+        Of these, over the experiments.
+    """
+
+    error: Array
+    standard_error: Array
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class RegressionComparison(_Result):
+    """The errors of the models of the folds beside those of the regression that predicts best.
+
+    Attributes
+    ----------
+    horizons : list of int
+        Steps ahead, ascending. The first is 1.
+    experiments : int
+        Experiments that were held out, each once.
+    first_step : int
+        The first step that is predicted.
+    model, regression : HeldOutErrors
+    lags : int
+        Lag order of the regression.
+    smoothing : float
+        λ of the regression. Infinite: one regression for all steps.
+    """
+
+    horizons: list[int]
+    experiments: int
+    first_step: int
+    model: HeldOutErrors
+    regression: HeldOutErrors
+    lags: int
+    smoothing: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class RefinementChoice(_Result):
     """The cross-validation of EM, by the likelihood of held-out experiments; without trials if EM was not tried.
 
@@ -896,6 +940,8 @@ class Identification(_Found):
     smoothing_choice : SmoothingChoice
     order_scores : OrderScores
     refinement : RefinementChoice
+    comparison : RegressionComparison or None
+        None if the choices were not cross-validated, or if the steps share their matrices periodically.
     choices : NoisyChoices or None
         The choices, if all steps are in one regression.
     together : bool
@@ -940,6 +986,7 @@ class Identification(_Found):
     smoothing_choice: SmoothingChoice
     order_scores: OrderScores
     refinement: RefinementChoice
+    comparison: Optional[RegressionComparison]
     choices: Optional[NoisyChoices]
     together: bool
     noisy: bool

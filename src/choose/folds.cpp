@@ -16,11 +16,9 @@ namespace {
 
 // For the progress: number of orders and of λ of the regressions on states that are usually tried.
 constexpr double usual_orders = 15.0;
-// A model whose one-step error is larger by this factor than that of the regressions may lack states.
-constexpr double far_from_regression = 2.0;
-// There, smaller squared errors of an output are raised to this share of the largest: a recorded command needs states
-// of its own, which predict no other output.
-constexpr double nearly_exact = 1e-2;
+// After 1, 2, 3, 4, 6, 8, 12, 16, 24 …
+Index next_of_grid(Index i) { return i < 4 ? i + 1 : (i & (i - 1)) == 0 ? i / 2 * 3 : i / 3 * 4; }
+
 // Standard error of the difference of two models that were validated on the same folds.
 double standard_error(const std::vector<Errors>& a, const std::vector<Errors>& b) {
   const double count = double(a.size()), mean = mean_of(a).mean() - mean_of(b).mean();
@@ -117,28 +115,25 @@ Errors errors_of(Computed computed, const Ensemble& data, const Vector& weights,
 
 namespace {
 
-// Squared error of the outputs that a regression computes, over the squared outputs: weighted mean of the logs of the
-// outputs that count. The regression gets the measured outputs of the steps before (`one_step`), or the inputs alone
-// and the outputs before step `first`, where missing samples count as zero.
-double regression_error(const GtvArx& arx, const Ensemble& measured, Index first, const Vector& weights,
-                        bool one_step) {
+// Squared error of the outputs that a regression simulates from the inputs and from the outputs before step `first`,
+// over the squared outputs: weighted mean of the logs of the outputs that count. Missing samples count as zero.
+double simulation_error(const GtvArx& arx, const Ensemble& measured, Index first, const Vector& weights) {
   const Index m = measured.outputs(), d = measured.channels();
   Ensemble e = measured;
-  if (!one_step) e.samples() = measured.samples().array().isNaN().select(0.0, measured.samples());
+  e.samples() = measured.samples().array().isNaN().select(0.0, measured.samples());
   Vector errors = Vector::Zero(m), sizes = errors;
   for (Index k = first; k < e.steps(); ++k) {
     const Index from = (k - arx.step[size_t(k)].lags) * d;
     const Matrix computed = e.samples().middleCols(from, arx.regressors(k)) * arx.coefficients(k).transpose();
     const Eigen::ArrayXXd y = measured.output(k), error = y - computed.array();
-    if (!one_step) e.output(k) = computed;
+    e.output(k) = computed;
     errors += error.isNaN().select(0.0, error.square()).colwise().sum().matrix().transpose();
     sizes += error.isNaN().select(0.0, y.square()).colwise().sum().matrix().transpose();
   }
   const Eigen::ArrayXd counted = (sizes.array() > 0).select(weights.array(), 0.0);
   if (!(counted.sum() > 0)) return std::numeric_limits<double>::infinity();
   const Eigen::ArrayXd relative = (counted > 0).select(errors.array() / sizes.array(), 0.0);
-  const double least = one_step ? nearly_exact * relative.maxCoeff() : 0.0;
-  return (counted * relative.max(std::max(least, 1e-24)).min(1e24).log()).sum() / counted.sum();
+  return (counted * relative.max(1e-24).min(1e24).log()).sum() / counted.sum();
 }
 
 }  // namespace
@@ -161,15 +156,11 @@ Folds::Folds(const Ensemble& ensemble, const Options& options) : options_(option
     }
   });
   factorise(0);
-  const auto mean_error = [&](bool one_step) {
-    double error = 0.0;
-    for (const Fold& own : folds_)
-      error += regression_error(own.arx, own.data.held_out, std::max(own.arx.k_begin, first_),
-                                weights_of(options.output_weights, own.arx.outputs), one_step);
-    return error / double(folds_.size());
-  };
-  simulates_ = !(mean_error(false) > 0.0);
-  regression_one_step_ = 0.5 * mean_error(true);
+  double error = 0.0;
+  for (const Fold& own : folds_)
+    error += simulation_error(own.arx, own.data.held_out, std::max(own.arx.k_begin, first_),
+                              weights_of(options.output_weights, own.arx.outputs));
+  simulates_ = !(error > 0.0);
 }
 
 // `future`: as in SubspaceOptions
@@ -247,40 +238,60 @@ std::vector<Squares> Folds::squares(const std::vector<Model>& models, const Ahea
   return result;
 }
 
-// Tries increasing orders. Stops when `patience` orders after the best order had no smaller error, unless the
-// regressions predict far better by one step: with more states, models come near them. One weighting shows that.
+// Tries increasing orders, with larger steps between larger ones, until two in succession are worse than the best one.
+// Then orders between its neighbours follow, in halves, and those below it down to the fewest states that suffice.
 OrderScores Folds::scores(Weighting weighting, double smoothing, Index least, Index most,
                           const Execution& execution) const {
-  OrderScores result;
-  result.smoothing = smoothing;
-  result.weighting = weighting;
-  result.cross_validated = true;
-  size_t best = 0;
-  std::vector<std::vector<Errors>> of_order;
-  bool far = false;
-  for (Index n = least; n <= most && (far || n <= least + Index(best) + patience); ++n) {
-    const auto found = errors_of_folds(
-        folds_.size(), n, [&](size_t f) { return start(f, n, weighting, smoothing); }, first_, execution);
-    if (!found) break;
-    of_order.push_back(*found);
-    const Errors errors = mean_of(*found);
-    result.add(n, errors.one_step, errors.ahead, errors.simulation);
-    if (errors.mean() <= result.smallest) best = of_order.size() - 1;
-    far = weighting == options_.weightings.front() &&
-          result.one_step[best] > regression_one_step_ + std::log(far_from_regression);
+  std::map<Index, std::vector<Errors>> found;
+  const auto error = [&](Index n) {
+    if (!found.contains(n))
+      if (auto errors = errors_of_folds(
+              folds_.size(), n, [&](size_t f) { return start(f, n, weighting, smoothing); }, first_, execution))
+        found.emplace(n, std::move(*errors));
+    return found.contains(n) ? mean_of(found.at(n)).mean() : std::numeric_limits<double>::infinity();
+  };
+  Index best = least;
+  for (Index n = least, i = 1, worse = 0; !std::isinf(error(n)); n = std::min(least + i - 1, most)) {
+    worse = error(n) <= error(best) ? 0 : worse + 1;
+    if (worse == 0) best = n;
+    if (worse == 2 || n == most) break;
+    i = next_of_grid(i);
   }
-  for (const auto& found : of_order) result.uncertainty.push_back(standard_error(found, of_order[best]));
-  result.choose();
+  for (Index step = (best - least + 1) / 4; step > 0; step /= 2)
+    for (const Index n : {best - step, best + step})
+      if (n >= least && n <= most && error(n) <= error(best)) best = n;
+  const auto chosen = [&] {
+    OrderScores result;
+    result.smoothing = smoothing;
+    result.weighting = weighting;
+    result.cross_validated = true;
+    for (const auto& [n, folds] : found) {
+      const Errors errors = mean_of(folds);
+      result.add(n, errors.one_step, errors.ahead, errors.simulation);
+      result.uncertainty.push_back(standard_error(folds, found.at(best)));
+    }
+    result.choose();
+    return result;
+  };
+  OrderScores result = chosen();
+  Index below = least - 1;  // the most states that do not suffice
+  for (const Index n : result.states) below = n < result.best ? std::max(below, n) : below;
+  while (result.best - below > 1) {
+    const Index n = (below + result.best) / 2;
+    error(n);
+    result = chosen();
+    if (result.best > n) below = n;
+  }
   return result;
 }
 
-// If the search reaches the number of singular values that the factors show, factors with all p block rows show more.
+// If the search comes near the number of singular values that the factors show, factors with all p block rows show
+// more.
 OrderScores Folds::choose_states(std::optional<Index> states, Index most, const Execution& execution) {
   const OrderScores found = choose_shown_states(states, most, execution);
   const PredictorFactors& factors = folds_.front().factors.at(options_.weightings.front());
   const Index shown = factors.future * folds_.front().arx.outputs;
-  if (factors.future >= options_.lags || (found.best > 0 && found.best < shown && found.states.back() < shown))
-    return found;
+  if (factors.future >= options_.lags || (found.best > 0 && 2 * found.best <= shown)) return found;
   factorise(options_.lags);
   return choose_shown_states(states, most, execution);
 }

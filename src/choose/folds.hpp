@@ -42,9 +42,6 @@ Ensemble ahead_by(Model model, const Ensemble& data, InitialState initial);
 // `weights`: of the outputs, as in Plan. With `like`, the errors cover only the samples that `like` contains too.
 Errors errors_of(Computed computed, const Ensemble& data, const Vector& weights, const Computed* like = nullptr);
 
-// Number of orders that are tried after the best order so far.
-inline constexpr Index patience = 4;
-
 // Goes on with EM from the end of one stage to that of another, in the same stages as cross-validation has. The last
 // stage is repeated if needed. `from`, `to`: iterations. `first`: λ with which EM begins.
 Model refined(Model model, const Ensemble& data, Index from, Index to, const RefineOptions& options, double first);
@@ -124,7 +121,6 @@ class Folds {
   // Errors of simulations count. They do not if regressions simulate worse than the mean motion: the plant is
   // then unstable, or noise moves it more than its inputs.
   bool simulates_ = true;
-  double regression_one_step_ = 0.0;  // the one-step error of the regressions, as in Errors
 };
 
 }  // namespace tokid

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/nan.hpp"
+
 namespace tokid {
 
 void Squares::add(Index i, const ConstMatrixRef& predicted, const Ensemble& measured, Index k) {
@@ -51,6 +53,28 @@ HeldOutError held_out_error(const Squares& s, const Vector& weights) {
     }
   }
   if (std::isnan(result.value)) result.value = std::numeric_limits<double>::infinity();
+  return result;
+}
+
+HeldOutErrors errors_at_horizons(const Squares& s, const Vector& weights) {
+  const Index m = weights.size(), horizons = s.errors.cols() / m;
+  const double count = double(s.errors.rows());
+  HeldOutErrors result{Vector::Constant(horizons, nan), Vector::Constant(horizons, nan)};
+  for (Index i = 0; i < horizons; ++i) {
+    double sum = 0.0, counted = 0.0;
+    Vector influence = Vector::Zero(s.errors.rows());
+    for (Index c = i * m; c < (i + 1) * m; ++c) {
+      const double error = s.errors.col(c).sum(), y = s.outputs.col(c).sum(), weight = weights(c - i * m);
+      if (!(y > 0 && weight > 0)) continue;
+      const double relative = std::sqrt(error / y);
+      sum += weight * relative;
+      counted += weight;
+      if (error > 0) influence += weight * relative * 0.5 * count * (s.errors.col(c) / error - s.outputs.col(c) / y);
+    }
+    if (counted == 0) continue;
+    result.error(i) = sum / counted;
+    result.standard_error(i) = influence.norm() / counted / std::sqrt(count * (count - 1));
+  }
   return result;
 }
 

@@ -3,9 +3,10 @@
 #pragma once
 
 #include <limits>
+#include <utility>
 #include <vector>
 
-#include "tokid/ensemble.hpp"
+#include "tokid/choices.hpp"
 
 namespace tokid {
 
@@ -17,6 +18,7 @@ inline constexpr double least_counted = 1e-3;
 struct Squares {
   Matrix errors, outputs;
   Squares() = default;
+  Squares(Matrix errors_, Matrix outputs_) : errors(std::move(errors_)), outputs(std::move(outputs_)) {}
   Squares(Index experiments, Index columns)
       : errors(Matrix::Zero(experiments, columns)), outputs(Matrix::Zero(experiments, columns)) {}
 
@@ -53,5 +55,7 @@ bool clearly_smaller(const HeldOutError& a, const HeldOutError& b, double standa
 
 // `weights`: of the outputs (m)
 HeldOutError held_out_error(const Squares& squares, const Vector& weights);
+// The same errors at each horizon, without logarithm and least error.
+HeldOutErrors errors_at_horizons(const Squares& squares, const Vector& weights);
 
 }  // namespace tokid

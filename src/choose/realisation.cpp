@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <optional>
 #include <stdexcept>
 #include <tuple>
@@ -26,6 +27,8 @@ constexpr double surely_ahead = 1.5;
 // Or above this share of the variance of these errors that comes from the model.
 constexpr double much_of_model = 0.375;
 
+// Number of orders of TVERA that are tried after the best order so far.
+constexpr Index patience = 4;
 // Most experiments from which the order of TVERA is chosen.
 constexpr Index most_scored = 64;
 // A refined model may not increase an error by more than this factor.
@@ -245,7 +248,7 @@ struct ChosenByFolds {
   OrderScores scores;
   Model start;  // of all data, without EM
   std::optional<RefinementOfFolds> refinement;
-  std::vector<Squares> squares;  // of the models of the folds, if these errors are asked for
+  std::vector<Squares> squares, of_start;  // of the models of the folds, if these errors are asked for
 };
 
 TimeVariation of_selection(TimeVariation variation, const Selection& selection) {
@@ -294,11 +297,9 @@ ChosenByFolds chosen_by_folds(BegunByFolds begun, const Ensemble& data, const Se
                               const IdentifyOptions& options, const BeforeEm& before_em, SearchProgress& work) {
   const Plan& plan = begun.plan;
   const Index n = begun.model.states();
-  ChosenByFolds result{plan, begun.scores, begun.model, {}, {}};
-  if (!tries_em(data, selected, plan, options) || n == 0 || n < plan.states) {
-    if (ahead) result.squares = begun.squares(*ahead);
-    return result;
-  }
+  ChosenByFolds result{plan, begun.scores, begun.model, {}, {}, {}};
+  if (ahead) result.squares = result.of_start = begun.squares(*ahead);
+  if (!tries_em(data, selected, plan, options) || n == 0 || n < plan.states) return result;
   result.start = with_first_steps(result.start, data, plan.initial_state, options.execution.threads);
   // A stated λ is the λ of the ARX model, not of EM. Only a stated λ of 0 is also the λ of EM.
   const std::optional<double> stated = options.smoothing == 0.0 ? options.smoothing : std::nullopt;
@@ -339,7 +340,21 @@ void realise_by_folds(const Ensemble& data, const Selection& selected, const Gtv
 
 // Regressions use only windows without a gap, and EM uses every sample.
 bool may_keep_regression(const Ensemble& data, const IdentifyOptions& options) {
-  return !options.method && !options.weighting && !options.refine.value_or(false) && data.missing() == 0;
+  const bool jumps = options.jumps && !options.jumps->empty();
+  return !options.method && !options.weighting && !options.refine.value_or(false) && !options.states && !jumps &&
+         data.missing() == 0;
+}
+
+RegressionComparison comparison_of(const RegressionErrors& errors, const Squares& of_model,
+                                   const RegressionErrors::Found& regression) {
+  const Ahead& ahead = errors.ahead();
+  return {ahead.horizons,
+          of_model.errors.rows(),
+          ahead.from,
+          errors.at_horizons(of_model),
+          errors.at_horizons(regression.squares),
+          regression.lags,
+          regression.smoothing};
 }
 
 Model of_regression(const Ensemble& data, const GtvArx& arx, const Plan& plan, const Execution& execution) {
@@ -350,9 +365,15 @@ Model of_regression(const Ensemble& data, const GtvArx& arx, const Plan& plan, c
              : realise(data, arx, {}, plan, execution);
 }
 
-// The model of all data is the regression itself.
-void keep_regression(const Ensemble& data, const Regressed& regression, OrderScores scores,
-                     const IdentifyOptions& options, Realised& result) {
+// The model of all data is the regression itself. From unknown initial states, the first steps need regressions of
+// their own, so that not all steps share their matrices, even if nothing varies.
+void keep_regression(const Ensemble& data, Regressed& regression, OrderScores scores, const IdentifyOptions& options,
+                     Realised& result) {
+  TimeVariation& variation = regression.plan.choices.variation;
+  if (variation.period == 1 && options.period == 0 && regression.plan.initial_state == InitialState::unknown) {
+    variation = {std::numeric_limits<double>::infinity(), 0};
+    regression.arx = regressions(data, regression.plan, {options.execution.threads, {}});
+  }
   result.plan = as_asked(data, regression.plan, options);
   result.plan.method = Method::regression;
   result.order_scores = std::move(scores);
@@ -377,18 +398,22 @@ auto if_possible(Call&& call) -> std::optional<decltype(call())> {
 struct Other {
   Regressed regression;
   BegunByFolds begun;
+  OrderScores scores;
+  std::vector<Squares> squares;
 };
 
 Other begun_as(const RegressionErrors::Found& rival, const Ensemble& data, const Selection& selected,
-               const Regressed& first, const IdentifyOptions& options) {
+               const Regressed& first, const Ahead& ahead, const IdentifyOptions& options) {
   Regressed own = regressed_as(rival, data, selected, first, options);
   BegunByFolds begun = begun_by_folds(data, selected, as_asked(data, own.plan, options), own.arx, options);
-  return {std::move(own), std::move(begun)};
+  OrderScores scores = begun.scores;
+  std::vector<Squares> squares = begun.squares(ahead);
+  return {std::move(own), std::move(begun), std::move(scores), std::move(squares)};
 }
 
-// Subspace realisation and EM. A regression that predicts far better than the realisation, and than that of its own p
-// and λ, is the model. If another regression predicts clearly better than the result of EM, EM also starts with its p
-// and λ, and the better one of both models is used.
+// Subspace realisation and EM. If another regression predicts surely better than the result, EM also starts with its p
+// and λ, and the better one of both models is used. A regression that predicts surely better than this is the model
+// itself. It is the model without any EM if the realisations with both p and λ predict far worse.
 void realise_by_folds(const Ensemble& data, const Selection& selected, Regressed& regression,
                       const IdentifyOptions& options, const BeforeEm& before_em, Realised& result) {
   SearchProgress work(in_stage(options.execution, WorkStage::em), usual_iterations);
@@ -402,46 +427,55 @@ void realise_by_folds(const Ensemble& data, const Selection& selected, Regressed
   const Ahead& ahead = errors.ahead();
   const std::vector<Squares> of_begun = begun.squares(ahead);
   const std::optional<RegressionErrors::Found> rival = best_rival(*rivals, errors, of_begun);
+  const RegressionErrors::Found own = errors.found(rivals->lags, rivals->smoothing, rivals->jumps);
+  const bool rival_leads = rival && rival->error.value < own.error.value;
+  const RegressionErrors::Found& leader = rival_leads ? *rival : own;
   std::optional<Other> other;
   const auto begin_other = [&] {
-    other = if_possible([&] { return begun_as(*rival, data, selected, regression, options); });
+    if (!other) other = if_possible([&] { return begun_as(*rival, data, selected, regression, ahead, options); });
+    return other.has_value();
   };
-  if (may_keep_regression(data, options)) {
-    const HeldOutError of_own = errors.error_of(of_begun);
-    std::optional<RegressionErrors::Found> best;
-    if (rivals->lags <= rivals->options.lags.back()) best = errors.found(rivals->lags, rivals->smoothing);
-    const bool rival_leads = rival && (!best || rival->error.value < best->error.value);
-    if (rival_leads) best = rival;
-    bool far = best && far_smaller(best->error, of_own);  // else EM may bring more
-    if (far && rival_leads) {
-      begin_other();
-      far = other.has_value();
-    }
-    HeldOutError of_model = of_own;
-    Index states = begun.scores.best;
-    if (other && other->begun.scores.best > 0)
-      if (HeldOutError found = errors.error_of(other->begun.squares(ahead)); found.value < of_model.value)
-        of_model = std::move(found), states = other->begun.scores.best;
-    if (far && replaces_model(*best, of_model, states, *selected.samples, rivals->options)) {
-      result.instead = other.has_value();
-      OrderScores scores = std::move((other ? other->begun : begun).scores);
-      if (other) regression = std::move(other->regression);
-      return keep_regression(data, regression, std::move(scores), options, result);
-    }
-  }
+  std::optional<bool> holds;
+  const auto may_keep = [&] {
+    if (!may_keep_regression(data, options) || (rival_leads && !begin_other())) return false;
+    if (!holds) holds = holds_with_nearly_all(leader, errors, *selected.samples, rivals->options);
+    return *holds;
+  };
+  const auto keep = [&](OrderScores scores) {
+    result.instead = rival_leads;
+    if (rival_leads) regression = std::move(other->regression);
+    keep_regression(data, regression, std::move(scores), options, result);
+    result.comparison = comparison_of(errors, leader.squares, leader);
+  };
+  const auto far_worse = [&](const std::vector<Squares>& of_start) {
+    return of_start.empty() || far_smaller(leader.error, errors.error_of(of_start));
+  };
+  if (far_worse(of_begun) && may_keep() && (!rival_leads || far_worse(other->squares)))
+    return keep(rival_leads ? other->scores : begun.scores);
 
   ChosenByFolds chosen = chosen_by_folds(std::move(begun), data, selected, &ahead, options, before_em, work);
-  const HeldOutError of_model = errors.error_of(chosen.squares);
-  if (rival && surely_smaller(rival->error, of_model)) {
-    if (!other) begin_other();
-    std::optional<ChosenByFolds> found;
-    if (other)
-      found = if_possible(
-          [&] { return chosen_by_folds(std::move(other->begun), data, selected, &ahead, options, {}, work); });
-    result.instead = found && !found->squares.empty() && errors.error_of(found->squares).value < of_model.value;
-    if (result.instead) chosen = std::move(*found), regression = std::move(other->regression);
+  HeldOutError of_model = errors.error_of(chosen.squares);
+  // From unknown initial states, steps that share one regression can't predict the first outputs.
+  const bool late = options.period > 0 && regression.plan.initial_state == InitialState::unknown,
+             keeps = chosen.refinement && !late && surely_smaller(leader.error, of_model) && may_keep();
+  bool instead = false;
+  // From a start that is far worse, EM would not make the model better than the regression. From one of nearly as many
+  // states, it takes long and makes the model hardly simpler.
+  if (rival && surely_smaller(rival->error, of_model) && begin_other() &&
+      !(keeps && (far_worse(other->squares) || 2 * other->scores.best > rival->lags * data.outputs()))) {
+    std::optional<ChosenByFolds> found = if_possible(
+        [&] { return chosen_by_folds(std::move(other->begun), data, selected, &ahead, options, {}, work); });
+    if (found && !found->squares.empty())
+      if (HeldOutError error = errors.error_of(found->squares); error.value < of_model.value)
+        chosen = std::move(*found), of_model = std::move(error), instead = true;
   }
+  if (keeps && surely_smaller(leader.error, of_model)) return keep(rival_leads ? other->scores : chosen.scores);
+  result.instead = instead;
+  if (instead) regression = std::move(other->regression);
+  const std::vector<Squares> by_em = std::move(chosen.squares), of_start = std::move(chosen.of_start);
   realise_by_folds(data, selected, regression.arx, std::move(chosen), options, work, result);
+  const bool refined = result.plan.choices.refinement_iterations > 0;
+  result.comparison = comparison_of(errors, joined(refined ? by_em : of_start), leader);
 }
 
 }  // namespace

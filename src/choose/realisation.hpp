@@ -14,6 +14,7 @@ struct Realised {
   Plan plan;    // complete
   OrderScores order_scores;
   RefinementChoice refinement;
+  std::optional<RegressionComparison> comparison;  // of coupled steps without a period above 1
   Findings findings;
   bool instead = false;  // of another regression than the chosen one
 };

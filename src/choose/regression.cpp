@@ -244,17 +244,22 @@ void choose_variation(const Ensemble& data, const Ensemble& selection, const Ide
 }
 
 // The regressions that choose_variation() does not reach, and the one that it chose.
-std::optional<Rivals> rivals_beside(const Ensemble& data, const Ensemble& selection, IdentifyOptions options,
+std::optional<Rivals> rivals_beside(const Ensemble& data, const Selection& selected, IdentifyOptions options,
                                     SmoothingOptions o, const Plan& plan) {
+  const Ensemble& selection = *selected.samples;
   const TimeVariation& variation = plan.choices.variation;
-  if (variation.period > 1 || options.states || options.choices || options.jumps || !variation.jumps.empty() ||
-      selection.experiments() < 2)
-    return std::nullopt;
+  if (variation.period > 1 || options.choices || selection.experiments() < 2) return std::nullopt;
+  const bool stated = options.period > 0 || options.smoothing || options.lags || options.states || options.jumps;
   const Index reached = o.lags.back();
   options.refine = false;
   o.lags = lag_candidates(selection, data, plan.nominal, o.initial_state, 0, options);
-  return Rivals{o, plan.lags, variation.period == 1 ? std::numeric_limits<double>::infinity() : variation.smoothing,
-                reached, options.period > 0 || options.smoothing || options.lags};
+  if (plan.lags > o.lags.back()) o.lags.push_back(plan.lags);
+  return Rivals{o,
+                plan.lags,
+                variation.period == 1 ? std::numeric_limits<double>::infinity() : variation.smoothing,
+                reached,
+                jumps_within(variation.jumps, selected),
+                stated};
 }
 
 // One regression couples all steps. `known`: the decision about the initial state, if there is one.
@@ -297,7 +302,7 @@ Regressed coupled(const Ensemble& data, const Selection& selected, const Plan& s
       steps.push_back(jump.step);
     }
   }
-  result.rivals = rivals_beside(data, selection, options, o, plan);
+  result.rivals = rivals_beside(data, selected, options, o, plan);
 
   const Index whole = checked_windows(data, plan), unknowns = unknowns_of(data, plan.lags, plan.feedthrough.present);
   if (whole < 2 * unknowns)
@@ -382,6 +387,7 @@ Regressed regressed_as(const RegressionErrors::Found& rival, const Ensemble& dat
   IdentifyOptions stated = options;
   stated.lags = rival.lags;
   stated.smoothing = rival.smoothing;
+  stated.jumps = std::vector<Index>{};
   // A test of steps that share their matrices says nothing.
   const bool tested = first.plan.choices.variation.period == 0;
   if (tested) stated.initial_state = first.plan.initial_state;

@@ -22,7 +22,7 @@ struct Regressed {
   LagOrderErrors lag_order_errors;   // from regressions of each step alone
   SmoothingChoice smoothing_choice;  // from coupled steps
   std::vector<Jump> jumps;           // of coupled steps
-  std::optional<Rivals> rivals;      // of coupled steps without a jump, if n may be chosen
+  std::optional<Rivals> rivals;      // of coupled steps without a period above 1, if the choices are cross-validated
   Findings findings;
 };
 

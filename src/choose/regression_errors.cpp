@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "data/output_weights.hpp"
 
@@ -41,7 +42,7 @@ class Predictions {
 RegressionErrors::RegressionErrors(const Ensemble& e, const SmoothingOptions& o, Index held_out,
                                    std::vector<Index> horizons, Index folds)
     : options_(o),
-      ahead_{first_scored(o.initial_state, o.lags.back(), 0), std::move(horizons)},
+      ahead_{o.initial_state == InitialState::zero ? 0 : o.lags.back(), std::move(horizons)},
       weights_(weights_of(o.output_weights, e.outputs())) {
   std::erase_if(ahead_.horizons, [&](Index h) { return h > 1 && 2 * h > e.steps() - ahead_.from; });
   if (folds == 0) folds = fold_count(e.experiments());
@@ -75,7 +76,14 @@ HeldOutError RegressionErrors::error_of(const std::vector<Squares>& folds) const
 }
 
 RegressionErrors::Found RegressionErrors::found(Index lags, double smoothing, const std::vector<Index>& jumps) const {
-  return {lags, smoothing, error_of(squares(0, Index(parts_.size()), lags, smoothing, jumps))};
+  return found(squares(0, folds(), lags, smoothing, jumps), lags, smoothing, jumps);
+}
+
+RegressionErrors::Found RegressionErrors::found(const std::vector<Squares>& folds, Index lags, double smoothing,
+                                                const std::vector<Index>& jumps) const {
+  Squares all = joined(folds);
+  HeldOutError error = held_out_error(all, weights_);
+  return {lags, smoothing, jumps, std::move(all), std::move(error)};
 }
 
 }  // namespace tokid

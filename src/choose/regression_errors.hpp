@@ -21,14 +21,21 @@ class RegressionErrors {
   std::vector<Squares> squares(Index begin, Index end, Index lags, double smoothing,
                                const std::vector<Index>& jumps = {}) const;
   HeldOutError error_of(const std::vector<Squares>& folds) const;
+  HeldOutErrors at_horizons(const Squares& all) const { return errors_at_horizons(all, weights_); }
 
   struct Found {
     Index lags = 0;
     double smoothing = 0.0;
-    HeldOutError error;  // of all folds
+    std::vector<Index> jumps = {};
+    Squares squares = {};  // of all folds
+    HeldOutError error = {};
   };
   Found found(Index lags, double smoothing, const std::vector<Index>& jumps = {}) const;
+  // `folds`: squares() of these
+  Found found(const std::vector<Squares>& folds, Index lags, double smoothing,
+              const std::vector<Index>& jumps = {}) const;
 
+  Index folds() const { return Index(parts_.size()); }  // that are held out
   const Ahead& ahead() const { return ahead_; }
 
  private:

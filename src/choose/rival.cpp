@@ -16,11 +16,12 @@ constexpr double all_alike = std::numeric_limits<double>::infinity();  // λ of 
 // λ of models that vary, where one model for all steps was chosen.
 constexpr double slow[] = {1e3, 316.0, 100.0};
 
-// A regression that is to be the model must predict better by this factor than a model without states. A model of fewer
-// states says more: the factor's logarithm is in proportion to the states that it saves.
-constexpr double far_better = 1.25;
-// A guard with nearly all experiments: one part of so many is held out, and so many parts in turn.
-constexpr Index small_parts = 20, held_out_parts = 5;
+// EM seldom brings more than this factor.
+constexpr double far_better = 2.0;
+// With more experiments, the same errors may be larger by this factor.
+constexpr double about_as_well = 1.25;
+// Into so many parts a fold is divided at most, to hold out less.
+constexpr Index most_small_parts = 4;
 
 class Race {
  public:
@@ -36,9 +37,9 @@ class Race {
     }
     hopeless_ = 0;
     for (Squares& squares : errors_.squares(1, folds_, lags, smoothing)) own.push_back(std::move(squares));
-    HeldOutError found = errors_.error_of(own);
-    const bool smaller = !best_ || found.value < best_->error.value;
-    if (smaller) best_.emplace(lags, smoothing, std::move(found));
+    RegressionErrors::Found found = errors_.found(own, lags, smoothing);
+    const bool smaller = !best_ || found.error.value < best_->error.value;
+    if (smaller) best_ = std::move(found);
     return smaller;
   }
   // The orders from `least` to `most`, until two in succession are hopeless.
@@ -75,7 +76,7 @@ std::optional<RegressionErrors::Found> best_rival(const Rivals& rivals, const Re
   Race race(errors, of_models);
   if (std::isinf(rivals.smoothing)) {
     for (const double slower : slow)
-      if (!race.leads(std::min(rivals.lags, orders.back()), slower)) break;
+      if (!race.leads(rivals.lags, slower)) break;
   } else {
     race.run(orders, rivals.lags, orders.back(), all_alike);
     race.run(orders, rivals.lags + 1, rivals.reached, rivals.smoothing);
@@ -93,14 +94,19 @@ bool far_smaller(const HeldOutError& regression, const HeldOutError& model) {
   return regression.value < model.value - std::log(far_better) && surely_smaller(regression, model);
 }
 
-bool replaces_model(const RegressionErrors::Found& regression, const HeldOutError& model, Index states,
-                    const Ensemble& selection, const SmoothingOptions& options) {
-  const double all = double(regression.lags * selection.outputs()),
-               limit = model.value - std::log(far_better) * std::max(0.0, 1.0 - double(states) / all);
-  if (!(regression.error.value < limit) || !surely_smaller(regression.error, model)) return false;
-  const RegressionErrors nearly_all(selection, options, held_out_parts, {1, 5, 20},
-                                    std::min(small_parts, selection.experiments()));
-  return nearly_all.found(regression.lags, regression.smoothing).error.value < limit;
+bool holds_with_nearly_all(const RegressionErrors::Found& regression, const RegressionErrors& errors,
+                           const Ensemble& selection, const SmoothingOptions& options) {
+  const Index folds = fold_count(selection.experiments()),
+              parts = std::min(most_small_parts, selection.experiments() / folds);
+  std::vector<Squares> from_most =
+      errors.squares(0, errors.folds(), regression.lags, regression.smoothing, regression.jumps);
+  for (Squares& fold : from_most) {
+    const auto part = Eigen::seq(0, fold.errors.rows() - 1, parts);
+    fold = {Matrix(fold.errors(part, Eigen::all)), Matrix(fold.outputs(part, Eigen::all))};
+  }
+  const RegressionErrors nearly_all(selection, options, errors.folds(), errors.ahead().horizons, folds * parts);
+  return nearly_all.found(regression.lags, regression.smoothing, regression.jumps).error.value <
+         errors.error_of(from_most).value + std::log(about_as_well);
 }
 
 }  // namespace tokid

@@ -12,11 +12,12 @@ namespace tokid {
 // The regressions beside the one that was chosen: more lags, one model for all steps, or variation where one model for
 // all steps was chosen. The choice compares one step ahead only, and EM starts from few lags.
 struct Rivals {
-  SmoothingOptions options;  // `lags`: the orders that the samples determine
-  Index lags = 0;            // p and λ of the choice
-  double smoothing = 0.0;    // infinite: one model for all steps
-  Index reached = 0;         // the largest order among which p was chosen
-  bool stated = false;       // p, λ or one model for all steps is stated: the regression of the choice has no rival
+  SmoothingOptions options;       // `lags`: the orders that the samples determine, and p of the choice
+  Index lags = 0;                 // p and λ of the choice
+  double smoothing = 0.0;         // infinite: one model for all steps
+  Index reached = 0;              // the largest order among which p was chosen
+  std::vector<Index> jumps = {};  // of the choice, in the steps of the selection; its rivals have none
+  bool stated = false;  // something is stated that a rival would change: the regression of the choice has none
 };
 
 // The rival with the smallest errors. `errors`: of regressions with these options. `of_models`: for each fold of the
@@ -32,10 +33,9 @@ bool surely_smaller(const HeldOutError& regression, const HeldOutError& model);
 // By far more than that: by a factor too.
 bool far_smaller(const HeldOutError& regression, const HeldOutError& model);
 
-// Is the regression itself to be the model, with all its p·m states? It must predict better than a model of so many
-// states, the more so the fewer these are, and also if it is fitted to nearly all experiments: where the experiments
-// are as many as its unknowns, regressions predict far worse than from fewer or from more experiments.
-bool replaces_model(const RegressionErrors::Found& regression, const HeldOutError& model, Index states,
-                    const Ensemble& selection, const SmoothingOptions& options);
+// Does the regression predict the same experiments about as well if it is fitted to more of the others? Where these are
+// as many as its unknowns, regressions predict far worse than from fewer or from more experiments.
+bool holds_with_nearly_all(const RegressionErrors::Found& regression, const RegressionErrors& errors,
+                           const Ensemble& selection, const SmoothingOptions& options);
 
 }  // namespace tokid

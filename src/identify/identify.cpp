@@ -275,6 +275,7 @@ void take_evidence(NominalTest nominal, Regressed regression, const RegressionSu
   result.smoothing_choice = std::move(regression.smoothing_choice);
   result.order_scores = std::move(realisation.order_scores);
   result.refinement = std::move(realisation.refinement);
+  result.comparison = std::move(realisation.comparison);
   result.singular_value_gap = statistics::median(singular_value_gaps(result.model));
 }
 

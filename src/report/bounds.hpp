@@ -12,6 +12,7 @@ inline constexpr double expected_fit = 90.0;               // [%] an exact model
 inline constexpr double like_one_step = 1.25;     // … or with errors up to this multiple of its one-step errors
 inline constexpr double as_expected = 1.25;       // noise explains errors up to this multiple of an exact model's
 inline constexpr double inputs_show = 0.5;        // least effect of the inputs within a horizon, relative to errors
+inline constexpr double over_regression = 1.15;   // error of predictions relative to that of a regression
 inline constexpr double ill_conditioned = 1e8;    // condition number, with or without noise
 inline constexpr double worse_than_usual = 30.0;  // with noise: multiple of the median condition number …
 inline constexpr double worth_a_word = 1e3;       // … and least condition number

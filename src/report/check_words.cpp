@@ -53,6 +53,7 @@ struct UntestedWords {
 constexpr UntestedWords untested_words[] = {
     {Untested::no_predictions, "no_predictions", "no predictions"},
     {Untested::no_varying_output, "no_varying_output", "no output varies over the predicted steps"},
+    {Untested::no_cross_validation, "no_cross_validation", "no cross-validation"},
     {Untested::few_errors, "few_errors", ""},
     {Untested::no_covariance, "no_covariance", "the model states no covariance"},
     {Untested::uncertain_covariance, "uncertain_covariance", "no covariance that is certain enough"},
@@ -152,6 +153,13 @@ class Words {
       case CheckKind::input_effect:
         return {"Effect of the inputs on the predictions, relative to the prediction error", figure(value(), 3),
                 fmt::format("{:.1f} or more", bound())};
+      case CheckKind::regression: {
+        const std::vector<double>& ratios = figure_of(0).values;
+        const auto most = std::max_element(ratios.begin(), ratios.end());
+        return {"Largest error in cross-validation, relative to that of a regression",
+                most == ratios.end() ? "not known" : figure(*most, 3),
+                fmt::format("{:.2f} or less at every horizon", bound())};
+      }
       case CheckKind::error_peaks:
         return {"Largest one-step error of a step, relative to its limit", at_step(),
                 fmt::format(
@@ -372,6 +380,8 @@ const char* to_string(VerdictCheck::Kind kind) {
       return "prediction_fit";
     case Kind::input_effect:
       return "input_effect";
+    case Kind::regression:
+      return "regression";
     case Kind::error_peaks:
       return "error_peaks";
     case Kind::beyond_noise:

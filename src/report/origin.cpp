@@ -76,6 +76,7 @@ Tested tested(const Identification& result, const Ensemble& data, const Identify
   options.evaluation = result.held_out ? Evaluation::held_out : Evaluation::training;
   options.identified_from = result.experiments;
   options.findings = result.findings;
+  options.comparison = result.comparison;
   options.initial_state = result.model.initial_state;
   // Too few experiments may have reached the later steps. Of a single record, the later steps may be held out.
   if (identified.period == 0 && result.steps < data.steps())

@@ -140,7 +140,7 @@ class Assessment {
     else
       text = fmt::format("No simulation could be compared on {}", tested());
     if (v.one_step.samples > 0) text += fmt::format("; one-step prediction fit {}", percent_range(one_step_));
-    text += '.';
+    text += '.' + of_cross_validation();
     if (verdict_.horizon > 0) text += fmt::format(" {}", why_not_simulation());
     if (!remark_.empty()) text += " " + remark_;
     return text;
@@ -327,6 +327,7 @@ class Assessment {
     } else {
       add(simulation_check());
     }
+    add(regression_check());
     add(error_peak_check());
     add(beyond_noise_check());
     add(outlier_check());
@@ -351,6 +352,48 @@ class Assessment {
                           noise ? ", and the noise that the model states does not permit a better fit" : ""));
     }
     return result;
+  }
+
+  // "3.9, 4.6 and 6.3 %"
+  static std::string percents(const Vector& errors) {
+    std::vector<std::string> texts;
+    for (const double error : errors) texts.push_back(figure(100 * error, 2));
+    return words::listed(texts) + " %";
+  }
+
+  static std::string steps_ahead(const std::vector<Index>& horizons) {
+    std::vector<std::string> texts;
+    for (const Index h : horizons) texts.push_back(std::to_string(h));
+    return fmt::format("{} step{} ahead", words::listed(texts), horizons.size() == 1 ? "" : "s");
+  }
+
+  // Simple regressions are rivals that every model must stand up to.
+  Check regression_check() const {
+    Check result = check(Kind::regression, {"error_over_regression", {}, Rule::at_most, bounds::over_regression});
+    if (!options_.comparison) return untested(std::move(result), Untested::no_cross_validation);
+    const RegressionComparison& c = *options_.comparison;
+    for (Index i = 0; i < c.model.error.size(); ++i)
+      if (const double ratio = c.model.error(i) / c.regression.error(i); !std::isnan(ratio))
+        result.figures.front().values.push_back(ratio);
+    if (result.figures.front().values.empty()) return untested(std::move(result), Untested::no_cross_validation);
+    if (!result.kept())
+      against(result, Trust::look_closer,
+              fmt::format("A regression with {} predicts held-out experiments better: {}, its errors are {} of the "
+                          "departures from the mean motion, those of the model {}.",
+                          plural(c.lags, "lag"), steps_ahead(c.horizons), percents(c.regression.error),
+                          percents(c.model.error)));
+    return result;
+  }
+
+  // What cross-validation says, which the fit on training data cannot.
+  std::string of_cross_validation() const {
+    if (!options_.comparison || options_.evaluation != Evaluation::training) return "";
+    const RegressionComparison& c = *options_.comparison;
+    if (!c.model.standard_error.allFinite() || !c.regression.error.allFinite()) return "";
+    const bool itself = model_.method == "regression";
+    return fmt::format(" In cross-validation, the errors {} are {} of the departures from the mean motion (± {}){}.",
+                       steps_ahead(c.horizons), percents(c.model.error), percents(c.model.standard_error),
+                       itself ? "" : fmt::format(", and those of a regression {}", percents(c.regression.error)));
   }
 
   // Where the largest of the values is; empty if none is known.
