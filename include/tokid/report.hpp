@@ -56,14 +56,14 @@ struct NamedModel {
 struct ReportOptions {
   std::string model_name, data_name;  // names of the files, shown as text
   Evaluation evaluation = Evaluation::automatic;
-  Index identified_from = 0;                       // number of experiments of the identification; 0: not known
+  Index identified_from = 0;                            // number of experiments of the identification; 0: not known
   std::optional<RegressionComparison> comparison = {};  // of the identification; empty: not known
-  Findings findings = {};                          // findings of the identification and others for the page
-  Index horizon = 10;                              // H of the H-step predictions and their fit
-  Index first_step = 0;                            // of the fits, as in ValidateOptions
-  std::optional<InitialState> initial_state = {};  // as in PredictOptions
-  Index experiments = 24;                          // most experiments in the plots; the fits use all of them
-  Index points = 1200;                             // most points per curve: minimum and maximum of each stretch
+  Findings findings = {};                               // findings of the identification and others for the page
+  Index horizon = 10;                                   // H of the H-step predictions and their fit
+  Index first_step = 0;                                 // of the fits, as in ValidateOptions
+  std::optional<InitialState> initial_state = {};       // as in PredictOptions
+  Index experiments = 24;                               // most experiments in the plots; the fits use all of them
+  Index points = 1200;                                  // most points per curve: minimum and maximum of each stretch
   // Other models of the same channels: the page has their fits over the same samples, and their curves.
   std::vector<NamedModel> compare = {};
   // Steps of the pulse, step and frozen frequency responses. Empty: evenly spaced steps, fewer for many channels. A
