@@ -3,7 +3,6 @@
 #pragma once
 
 #include <limits>
-#include <utility>
 #include <vector>
 
 #include "tokid/choices.hpp"
@@ -18,7 +17,6 @@ inline constexpr double least_counted = 1e-3;
 struct Squares {
   Matrix errors, outputs;
   Squares() = default;
-  Squares(Matrix errors_, Matrix outputs_) : errors(std::move(errors_)), outputs(std::move(outputs_)) {}
   Squares(Index experiments, Index columns)
       : errors(Matrix::Zero(experiments, columns)), outputs(Matrix::Zero(experiments, columns)) {}
 

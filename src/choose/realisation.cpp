@@ -293,12 +293,13 @@ BegunByFolds begun_by_folds(const Ensemble& data, const Selection& selected, con
   return result;
 }
 
-ChosenByFolds chosen_by_folds(BegunByFolds begun, const Ensemble& data, const Selection& selected, const Ahead* ahead,
-                              const IdentifyOptions& options, const BeforeEm& before_em, SearchProgress& work) {
+// `of_start`: begun.squares(*ahead)
+ChosenByFolds chosen_by_folds(BegunByFolds begun, const std::vector<Squares>& of_start, const Ensemble& data,
+                              const Selection& selected, const Ahead* ahead, const IdentifyOptions& options,
+                              const BeforeEm& before_em, SearchProgress& work) {
   const Plan& plan = begun.plan;
   const Index n = begun.model.states();
-  ChosenByFolds result{plan, begun.scores, begun.model, {}, {}, {}};
-  if (ahead) result.squares = result.of_start = begun.squares(*ahead);
+  ChosenByFolds result{plan, begun.scores, begun.model, {}, of_start, of_start};
   if (!tries_em(data, selected, plan, options) || n == 0 || n < plan.states) return result;
   result.start = with_first_steps(result.start, data, plan.initial_state, options.execution.threads);
   // A stated λ is the λ of the ARX model, not of EM. Only a stated λ of 0 is also the λ of EM.
@@ -421,7 +422,7 @@ void realise_by_folds(const Ensemble& data, const Selection& selected, Regressed
   const std::optional<Rivals> rivals = regression.rivals;
   if (!rivals || begun.scores.best == 0)
     return realise_by_folds(data, selected, regression.arx,
-                            chosen_by_folds(std::move(begun), data, selected, nullptr, options, before_em, work),
+                            chosen_by_folds(std::move(begun), {}, data, selected, nullptr, options, before_em, work),
                             options, work, result);
   const RegressionErrors errors(*selected.samples, rivals->options, Folds::most_refined);
   const Ahead& ahead = errors.ahead();
@@ -453,7 +454,7 @@ void realise_by_folds(const Ensemble& data, const Selection& selected, Regressed
   if (far_worse(of_begun) && may_keep() && (!rival_leads || far_worse(other->squares)))
     return keep(rival_leads ? other->scores : begun.scores);
 
-  ChosenByFolds chosen = chosen_by_folds(std::move(begun), data, selected, &ahead, options, before_em, work);
+  ChosenByFolds chosen = chosen_by_folds(std::move(begun), of_begun, data, selected, &ahead, options, before_em, work);
   HeldOutError of_model = errors.error_of(chosen.squares);
   // From unknown initial states, steps that share one regression can't predict the first outputs.
   const bool late = options.period > 0 && regression.plan.initial_state == InitialState::unknown,
@@ -463,8 +464,9 @@ void realise_by_folds(const Ensemble& data, const Selection& selected, Regressed
   // states, it takes long and makes the model hardly simpler.
   if (rival && surely_smaller(rival->error, of_model) && begin_other() &&
       !(keeps && (far_worse(other->squares) || 2 * other->scores.best > rival->lags * data.outputs()))) {
-    std::optional<ChosenByFolds> found = if_possible(
-        [&] { return chosen_by_folds(std::move(other->begun), data, selected, &ahead, options, {}, work); });
+    std::optional<ChosenByFolds> found = if_possible([&] {
+      return chosen_by_folds(std::move(other->begun), other->squares, data, selected, &ahead, options, {}, work);
+    });
     if (found && !found->squares.empty())
       if (HeldOutError error = errors.error_of(found->squares); error.value < of_model.value)
         chosen = std::move(*found), of_model = std::move(error), instead = true;

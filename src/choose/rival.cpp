@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "base/statistics.hpp"
+#include "data/rows.hpp"
 
 namespace tokid {
 
@@ -98,15 +99,18 @@ bool holds_with_nearly_all(const RegressionErrors::Found& regression, const Regr
                            const Ensemble& selection, const SmoothingOptions& options) {
   const Index folds = fold_count(selection.experiments()),
               parts = std::min(most_small_parts, selection.experiments() / folds);
-  std::vector<Squares> from_most =
-      errors.squares(0, errors.folds(), regression.lags, regression.smoothing, regression.jumps);
-  for (Squares& fold : from_most) {
-    const auto part = Eigen::seq(0, fold.errors.rows() - 1, parts);
-    fold = {Matrix(fold.errors(part, Eigen::all)), Matrix(fold.outputs(part, Eigen::all))};
+  std::vector<Index> rows;  // of the experiments that are held out again
+  for (Index f = 0, first = 0; f < errors.folds(); ++f) {
+    const Index count = Index(fold_rows(selection.experiments(), f, folds).size());
+    for (Index i = 0; i < count; i += parts) rows.push_back(first + i);
+    first += count;
   }
+  Squares same;
+  same.errors = regression.squares.errors(rows, Eigen::all);
+  same.outputs = regression.squares.outputs(rows, Eigen::all);
   const RegressionErrors nearly_all(selection, options, errors.folds(), errors.ahead().horizons, folds * parts);
   return nearly_all.found(regression.lags, regression.smoothing, regression.jumps).error.value <
-         errors.error_of(from_most).value + std::log(about_as_well);
+         errors.error_of({same}).value + std::log(about_as_well);
 }
 
 }  // namespace tokid
