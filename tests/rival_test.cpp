@@ -119,23 +119,39 @@ TEST(Rivals, SeeInputsBeyondTheLagsOfTheChoice) {
   SmoothingOptions o;
   o.lags = {1, 2, 4, 8, 12, 16, 24};
   const RegressionErrors errors(late(24, 3, 0.1), o, 3);
-  const std::optional<RegressionErrors::Found> rival =
-      best_rival({o, 2, 100.0, 12}, errors, errors.squares(0, 3, 2, 100.0));
-  ASSERT_TRUE(rival);
-  EXPECT_GE(rival->lags, 16);
+  EXPECT_GE(best_regression({o, 2, 100.0}, errors, errors.squares(0, 3, 2, 100.0)).lags, 16);
+}
+
+// More lags have more coefficients, and need a larger λ.
+TEST(Rivals, HaveTheirOwnSmoothing) {
+  Ensemble e = late(24, 3, 0.1);
+  for (Index k = 0; k < e.steps(); ++k) e.output(k) *= 1 + 0.5 * std::sin(0.1 * double(k));
+  SmoothingOptions o;
+  o.lags = {1, 2, 4, 8, 12, 16, 24};
+  const RegressionErrors errors(e, o, 3);
+  const Rivals rivals{o, 2, 0.1};
+  const RegressionErrors::Found found = best_regression(rivals, errors, errors.squares(0, 3, 2, 0.1));
+  EXPECT_GE(found.lags, 16);
+  EXPECT_GT(found.smoothing, 1.0);
+  EXPECT_TRUE(std::isfinite(found.smoothing));
+  EXPECT_LT(found.error.value, errors.found(found.lags, 0.1).error.value);
+  const RegressionErrors::Found constant =
+      best_regression({o, 16, std::numeric_limits<double>::infinity()}, errors, errors.squares(0, 3, 2, 0.1));
+  EXPECT_TRUE(std::isfinite(constant.smoothing));
 }
 
 TEST(Rivals, AreGivenUpWhereHopeless) {
   SmoothingOptions o;
   o.lags = {1, 2, 4, 8};
   const RegressionErrors errors(late(24, 3, 0.1), o, 3);
+  const Rivals rivals{o, 2, 100.0};
   const std::vector<Squares> as_good = errors.squares(0, 3, 8, std::numeric_limits<double>::infinity());
   std::vector<Squares> hopeless = as_good;
   for (Squares& fold : hopeless) fold.errors *= 1e-4;
-  const std::optional<RegressionErrors::Found> rival = best_rival({o, 2, 100.0, 4}, errors, as_good);
-  ASSERT_TRUE(rival);
-  EXPECT_FALSE(surely_smaller(rival->error, errors.error_of(as_good)));
-  EXPECT_FALSE(best_rival({o, 2, 100.0, 4}, errors, hopeless));
+  const RegressionErrors::Found found = best_regression(rivals, errors, as_good);
+  EXPECT_FALSE(rivals.chose(found));
+  EXPECT_FALSE(surely_smaller(found.error, errors.error_of(as_good)));
+  EXPECT_TRUE(rivals.chose(best_regression(rivals, errors, hopeless)));
 }
 
 bool holds(const Ensemble& e, Index lags, double smoothing) {
@@ -168,11 +184,11 @@ TEST(Rivals, TakeOverWhereTheyPredictBetter) {
 // for EM.
 TEST(Rivals, AreTheModelWhereTheyPredictBetterThanEm) {
   RandomNumbers random(7);
-  const Index taps = 16, steps = 44;
+  const Index taps = 20, steps = 50;
   Vector h(taps);
   for (double& tap : h) tap = random.normal();
-  Ensemble e(20, steps, 1, 1);
-  for (Index n = 0; n < 20; ++n) {
+  Ensemble e(14, steps, 1, 1);
+  for (Index n = 0; n < e.experiments(); ++n) {
     Vector past = Vector::Zero(taps);
     for (Index k = 0; k < steps; ++k) {
       e.u(n, k, 0) = random.normal();

@@ -138,7 +138,14 @@ double simulation_error(const GtvArx& arx, const Ensemble& measured, Index first
 
 }  // namespace
 
-Folds::Folds(const Ensemble& ensemble, const Options& options) : options_(options) {
+Index Folds::refined_folds(Index experiments) {
+  constexpr Index fewest = 3, held_out = 20;
+  const Index folds = fold_count(experiments), needed = (held_out * folds + experiments - 1) / experiments;
+  return std::clamp(needed, std::min(fewest, folds), folds);
+}
+
+Folds::Folds(const Ensemble& ensemble, const Options& options)
+    : options_(options), experiments_(ensemble.experiments()) {
   const Index count = fold_count(ensemble.experiments());
   first_ = first_scored(options.initial_state, options.lags, options.variation.period);
   SmoothArxOptions arx_options;
@@ -213,7 +220,7 @@ Model Folds::start(size_t f, Index states, Weighting weighting, double smoothing
 
 std::vector<Model> Folds::models_of(const OrderScores& scores) const {
   std::vector<Model> models;
-  for (size_t f = 0; f < std::min(folds_.size(), size_t(most_refined)); ++f)
+  for (size_t f = 0; f < size_t(refined_folds(experiments_)); ++f)
     models.push_back(start(f, scores.best, scores.weighting, scores.smoothing));
   return models;
 }

@@ -64,8 +64,9 @@ struct RefinementOfFolds {
 
 class Folds {
  public:
-  // Most folds that validate EM. EM takes longer than all other choices.
-  static constexpr Index most_refined = 3;
+  // The number of folds that validate EM, of so many experiments. EM takes longer than all other choices, so that it is
+  // not validated on more folds than the comparisons need.
+  static Index refined_folds(Index experiments);
 
   struct Options {
     Index lags = 1;
@@ -116,6 +117,7 @@ class Folds {
                                                      const std::vector<Computed>& like = {}) const;
 
   Options options_;
+  Index experiments_;
   Index first_ = 0;
   std::vector<Fold> folds_;
   // Errors of simulations count. They do not if regressions simulate worse than the mean motion: the plant is

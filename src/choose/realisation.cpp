@@ -424,16 +424,15 @@ void realise_by_folds(const Ensemble& data, const Selection& selected, Regressed
     return realise_by_folds(data, selected, regression.arx,
                             chosen_by_folds(std::move(begun), {}, data, selected, nullptr, options, before_em, work),
                             options, work, result);
-  const RegressionErrors errors(*selected.samples, rivals->options, Folds::most_refined);
+  const RegressionErrors errors(*selected.samples, rivals->options,
+                                Folds::refined_folds(selected.samples->experiments()));
   const Ahead& ahead = errors.ahead();
   const std::vector<Squares> of_begun = begun.squares(ahead);
-  const std::optional<RegressionErrors::Found> rival = best_rival(*rivals, errors, of_begun);
-  const RegressionErrors::Found own = errors.found(rivals->lags, rivals->smoothing, rivals->jumps);
-  const bool rival_leads = rival && rival->error.value < own.error.value;
-  const RegressionErrors::Found& leader = rival_leads ? *rival : own;
+  const RegressionErrors::Found leader = best_regression(*rivals, errors, of_begun);
+  const bool rival_leads = !rivals->chose(leader);
   std::optional<Other> other;
   const auto begin_other = [&] {
-    if (!other) other = if_possible([&] { return begun_as(*rival, data, selected, regression, ahead, options); });
+    if (!other) other = if_possible([&] { return begun_as(leader, data, selected, regression, ahead, options); });
     return other.has_value();
   };
   std::optional<bool> holds;
@@ -462,8 +461,8 @@ void realise_by_folds(const Ensemble& data, const Selection& selected, Regressed
   bool instead = false;
   // From a start that is far worse, EM would not make the model better than the regression. From one of nearly as many
   // states, it takes long and makes the model hardly simpler.
-  if (rival && surely_smaller(rival->error, of_model) && begin_other() &&
-      !(keeps && (far_worse(other->squares) || 2 * other->scores.best > rival->lags * data.outputs()))) {
+  if (rival_leads && surely_smaller(leader.error, of_model) && begin_other() &&
+      !(keeps && (far_worse(other->squares) || 2 * other->scores.best > leader.lags * data.outputs()))) {
     std::optional<ChosenByFolds> found = if_possible([&] {
       return chosen_by_folds(std::move(other->begun), other->squares, data, selected, &ahead, options, {}, work);
     });

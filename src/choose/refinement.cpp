@@ -173,16 +173,15 @@ class Folds::RefinementSearch {
         work_(work),
         trials_(trials),
         jumps_(std::move(jumps)),
-        count_(std::min(folds.folds_.size(), size_t(most_refined))),
+        count_(size_t(refined_folds(folds.experiments_))),
         starts_(count_),
         without_em_(count_),
         samples_(count_),
         like_(count_),
         least_variance_(count_) {
     choice_.states = states;
-    const Split& all = folds_.folds_.front().data;
-    const Index experiments = all.training.experiments() + all.held_out.experiments();
-    if (double(experiments) < enough_for_ladder * double(states + all.training.inputs())) first_ = no_ladder;
+    const Index inputs = folds_.folds_.front().data.training.inputs();
+    if (double(folds_.experiments_) < enough_for_ladder * double(states + inputs)) first_ = no_ladder;
     for_each_fold([&](size_t f) {
       starts_[f] = folds_.start(f, states, scores.weighting, scores.smoothing);
       const Split& data = folds_.folds_[f].data;
@@ -205,6 +204,7 @@ class Folds::RefinementSearch {
     else
       choose_smoothing();
     if (!smoothing_given && !empty() && least_error()->error() > choice_.error) approach_start();
+    if (all_lost()) attempts_.clear();
     if (empty()) return;
     if (!folds_.pooled()) drop_needless_jumps();
     if (!climbs() || !jumps_.empty())
@@ -336,7 +336,7 @@ class Folds::RefinementSearch {
     Likelihood most = attempt(best);
     // The λ of the ARX model may be far from the best λ of EM. The likelihood may then have a second maximum.
     if (std::abs(std::log10(best / usual)) > 0.9) try_smoothing(usual, noticeable, best, most);
-    climb(best, std::move(most));
+    if (!all_lost()) climb(best, std::move(most));
   }
 
   bool climbs() const { return first_ != no_ladder && !folds_.pooled(); }
@@ -346,11 +346,15 @@ class Folds::RefinementSearch {
     Likelihood most = attempt(best);
     for (double next = 10 * best; next < largest && (empty() || !lost(attempts_.back())); next *= 10)
       try_smoothing(next, 0.0, best, most);
-    climb(best, std::move(most));
+    if (!all_lost()) climb(best, std::move(most));
   }
 
-  // Is the error of this attempt larger than the least one by the factor `hopeless`?
-  bool lost(const Attempt& attempt) const { return attempt.error() > least_error()->error() + std::log(hopeless); }
+  // Is the error of this attempt larger by the factor `hopeless` than that of the best attempt, or without EM?
+  bool lost(const Attempt& attempt) const {
+    return attempt.error() > std::min(least_error()->error(), choice_.error) + std::log(hopeless);
+  }
+  // Almost without noise, EM may spoil each start.
+  bool all_lost() const { return !empty() && lost(*least_error()); }
 
   // Makes this λ the best one if it raises the likelihood by more than this number of standard errors.
   void try_smoothing(double smoothing, double advantage, double& best, Likelihood& most) {
@@ -597,7 +601,6 @@ class Folds::OrderSearch {
     if (first != plain && !fewer_suffice(*first, *refined(plain))) best_ = plain;
     if (best_ == plain) try_more();
     if (best_->states() <= states) try_fewer(fewest, first);
-    if (best_ != first && !smoothing_) best_->run({});  // the best λ may differ for this number of states
     best_->finish();
     std::optional<RefinementOfFolds> result = best_->better_than(*plain);
     if (!result && best_ != plain) result = plain->better_than(*plain);

@@ -250,16 +250,11 @@ std::optional<Rivals> rivals_beside(const Ensemble& data, const Selection& selec
   const TimeVariation& variation = plan.choices.variation;
   if (variation.period > 1 || options.choices || selection.experiments() < 2) return std::nullopt;
   const bool stated = options.period > 0 || options.smoothing || options.lags || options.states || options.jumps;
-  const Index reached = o.lags.back();
   options.refine = false;
   o.lags = lag_candidates(selection, data, plan.nominal, o.initial_state, 0, options);
   if (plan.lags > o.lags.back()) o.lags.push_back(plan.lags);
-  return Rivals{o,
-                plan.lags,
-                variation.period == 1 ? std::numeric_limits<double>::infinity() : variation.smoothing,
-                reached,
-                jumps_within(variation.jumps, selected),
-                stated};
+  return Rivals{o, plan.lags, variation.period == 1 ? std::numeric_limits<double>::infinity() : variation.smoothing,
+                jumps_within(variation.jumps, selected), stated};
 }
 
 // One regression couples all steps. `known`: the decision about the initial state, if there is one.

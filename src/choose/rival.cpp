@@ -14,8 +14,9 @@ namespace tokid {
 namespace {
 
 constexpr double all_alike = std::numeric_limits<double>::infinity();  // λ of one model for all steps
-// λ of models that vary, where one model for all steps was chosen.
-constexpr double slow[] = {1e3, 316.0, 100.0};
+// The largest λ below that, and the ratio of two successive ones.
+constexpr double slowest = 1e3;
+const double half_a_decade = std::sqrt(10.0);
 
 // EM seldom brings more than this factor.
 constexpr double far_better = 2.0;
@@ -26,35 +27,46 @@ constexpr Index most_small_parts = 4;
 
 class Race {
  public:
-  Race(const RegressionErrors& errors, const std::vector<Squares>& of_models)
-      : errors_(errors), models_in_first_(errors.error_of({of_models.front()})), folds_(Index(of_models.size())) {}
+  Race(const RegressionErrors& errors, const std::vector<Squares>& of_models, RegressionErrors::Found chosen)
+      : errors_(errors),
+        models_in_first_(errors.error_of({of_models.front()})),
+        folds_(Index(of_models.size())),
+        best_(std::move(chosen)) {}
 
-  // Does this regression predict better than those before?
-  bool leads(Index lags, double smoothing) {
-    std::vector<Squares> own = errors_.squares(0, 1, lags, smoothing);
-    if (hopeless(errors_.error_of(own))) {
-      ++hopeless_;
-      return false;
+  // The orders from `least` on, each with λ of the one before, or with a larger or smaller one that is better in the
+  // first fold. Ends after two hopeless orders in succession.
+  void run(const std::vector<Index>& orders, Index least, double smoothing) {
+    int given_up = 0;
+    for (auto p = std::lower_bound(orders.begin(), orders.end(), least); p != orders.end() && given_up < 2; ++p) {
+      std::vector<Squares> first = errors_.squares(0, 1, *p, smoothing);
+      const auto move = [&](double factor) {
+        std::vector<Squares> next = errors_.squares(0, 1, *p, smoothing * factor);
+        if (!(errors_.error_of(next).value < errors_.error_of(first).value)) return false;
+        smoothing *= factor;
+        first = std::move(next);
+        return true;
+      };
+      bool moved = false;
+      while (smoothing < slowest && move(half_a_decade)) moved = true;
+      while (!moved && std::isfinite(smoothing) && move(1 / half_a_decade)) {
+      }
+      given_up = excluded_by(errors_.error_of(first)) ? given_up + 1 : 0;
+      if (given_up == 0) enter(std::move(first), *p, smoothing);
     }
-    hopeless_ = 0;
-    for (Squares& squares : errors_.squares(1, folds_, lags, smoothing)) own.push_back(std::move(squares));
-    RegressionErrors::Found found = errors_.found(own, lags, smoothing);
-    const bool smaller = !best_ || found.error.value < best_->error.value;
-    if (smaller) best_ = std::move(found);
-    return smaller;
-  }
-  // The orders from `least` to `most`, until two in succession are hopeless.
-  void run(const std::vector<Index>& orders, Index least, Index most, double smoothing) {
-    hopeless_ = 0;
-    for (const Index p : orders)
-      if (p >= least && p <= most && hopeless_ < 2) leads(p, smoothing);
   }
 
-  const std::optional<RegressionErrors::Found>& winner() const { return best_; }
+  const RegressionErrors::Found& winner() const { return best_; }
 
  private:
+  // `squares`: of the first fold
+  void enter(std::vector<Squares> squares, Index lags, double smoothing) {
+    for (Squares& fold : errors_.squares(1, folds_, lags, smoothing)) squares.push_back(std::move(fold));
+    RegressionErrors::Found found = errors_.found(squares, lags, smoothing);
+    if (found.error.value < best_.error.value) best_ = std::move(found);
+  }
+
   // Does the first fold exclude that the regression predicts as well as the models?
-  bool hopeless(const HeldOutError& in_first) const {
+  bool excluded_by(const HeldOutError& in_first) const {
     constexpr double probability = 1e-3;  // of giving up a regression that predicts as well
     const double freedom = double(in_first.influence.size()) - 1.0;
     return freedom > 0 &&
@@ -64,25 +76,19 @@ class Race {
   const RegressionErrors& errors_;
   HeldOutError models_in_first_;
   Index folds_;
-  std::optional<RegressionErrors::Found> best_;
-  int hopeless_ = 0;  // number of the last regressions that were
+  RegressionErrors::Found best_;
 };
 
 }  // namespace
 
-std::optional<RegressionErrors::Found> best_rival(const Rivals& rivals, const RegressionErrors& errors,
-                                                  const std::vector<Squares>& of_models) {
-  if (rivals.stated) return std::nullopt;
+RegressionErrors::Found best_regression(const Rivals& rivals, const RegressionErrors& errors,
+                                        const std::vector<Squares>& of_models) {
+  RegressionErrors::Found chosen = errors.found(rivals.lags, rivals.smoothing, rivals.jumps);
+  if (rivals.stated) return chosen;
   const std::vector<Index>& orders = rivals.options.lags;
-  Race race(errors, of_models);
-  if (std::isinf(rivals.smoothing)) {
-    for (const double slower : slow)
-      if (!race.leads(rivals.lags, slower)) break;
-  } else {
-    race.run(orders, rivals.lags, orders.back(), all_alike);
-    race.run(orders, rivals.lags + 1, rivals.reached, rivals.smoothing);
-    race.run(orders, rivals.reached + 1, orders.back(), rivals.smoothing);
-  }
+  Race race(errors, of_models, std::move(chosen));
+  race.run(orders, rivals.lags, std::isinf(rivals.smoothing) ? slowest : all_alike);
+  if (std::isfinite(rivals.smoothing)) race.run(orders, rivals.lags, rivals.smoothing);
   return race.winner();
 }
 
