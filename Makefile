@@ -55,7 +55,7 @@ help:
 	@echo 'make portability   builds and tests the last commit on other systems (docs/portability.md); as root, for hours'
 	@echo 'make bench         measures time and memory for twenty minutes, writes the tables of docs/performance.md'
 	@echo 'make studies       rounding errors, coverage, defects, noise, outliers: prints the tables of docs/ (tests/studies/README.md)'
-	@echo 'make zoo           identifies the plants of docs/plants.md under all conditions, for an hour: prints its tables'
+	@echo 'make zoo           identifies the plants of docs/plants.md and measured ensembles, for an hour: prints the tables'
 	@echo 'make compare       tokid beside other methods for twenty minutes, writes the tables of docs/comparison.md'
 	@echo 'make sbom          what tokid consists of, with versions, in CycloneDX (build/tokid.cdx.json)'
 	@echo 'make build         the tool (build/bin/tokid), the library, the examples'
@@ -160,6 +160,7 @@ studies:
 zoo: build
 	$(call install,python3 python3-numpy python3-scipy)
 	@$(python) bench/zoo/run.py --tool build/bin/tokid --jobs 2 -o build/zoo.jsonl $(ZOO)
+	@$(python) bench/zoo/run.py --tool build/bin/tokid --jobs 2 -o build/zoo.jsonl --recorded
 	@$(python) bench/zoo/table.py build/zoo.jsonl
 
 # Goes on where it was stopped. COMPARE: arguments of bench/compare/run.py, like --short or --print

@@ -3,6 +3,7 @@
 
     bench/zoo/run.py --tool build/bin/tokid -o results.jsonl [--cells REGEX] [--draws BEGIN END] [--rivals]
                      [--reference] [--grid] [--short] [--jobs J]
+    bench/zoo/run.py --tool build/bin/tokid -o results.jsonl --recorded [FOLDER] [--splits BEGIN END] [--jobs J]
 
 Appends one JSON line for each cell and each set of options. Those that are in the file already are skipped, so a study
 that was stopped goes on. bench/zoo/table.py prints the tables.
@@ -28,6 +29,7 @@ import numpy as np  # noqa: E402 - after the number of threads is set
 from conditions import cells, drawn_cells, scales, short_cells  # noqa: E402
 from measures import evaluate, predictions, read_model, write_truth  # noqa: E402
 from rivals import RIVALS, SETTLED, rival  # noqa: E402
+from recorded import by_rival, by_tool, errors_of, halves, recorded_cells, tool  # noqa: E402 - after the path of rivals
 from table import read  # noqa: E402
 from truth import experiments, truth_of  # noqa: E402
 
@@ -118,6 +120,21 @@ def measure(tool, cell, plant, condition, name, options, limit):
                                 settled=SETTLED if plant.startswith("draw-") else 0)}
 
 
+def measure_recorded(tool, cell, path, split, name, options, limit):
+    """The line of one measured ensemble with one set of options, or with a rival."""
+    training, fresh = halves(path, split)
+    line = {"cell": cell, "plant": path.stem, "recorded": True, "experiments": len(training["u"]), "options": name}
+    try:
+        found, report, seconds = (by_rival(name, training, fresh) if name in RIVALS else
+                                  by_tool(tool, options, limit, training, fresh))
+    except subprocess.TimeoutExpired:
+        return {**line, "error": f"more than {limit:g} s"}
+    except subprocess.CalledProcessError as error:
+        return {**line, "error": error.stderr.strip().splitlines()[-1]}
+    chosen = report if name in RIVALS else chosen_by(report)
+    return {**line, **chosen, "seconds": round(seconds, 2), **errors_of(found, training, fresh)}
+
+
 def tasks(chosen, with_rivals, with_reference, with_grid):
     for cell, (plant, condition) in chosen.items():
         yield cell, plant, condition, "default", []
@@ -136,6 +153,10 @@ def main():
     parser.add_argument("--tool", required=True, help="path of tokid")
     parser.add_argument("--cells", default="", help="regular expression of the names of cells")
     parser.add_argument("--draws", nargs=2, type=int, metavar=("BEGIN", "END"), help="cells drawn at random instead")
+    parser.add_argument("--recorded", type=Path, nargs="?", const=tool.data_folder(), metavar="FOLDER",
+                        help="measured ensembles (.npz) instead, with rivals (default: those in $TOKID_DATA)")
+    parser.add_argument("--splits", nargs=2, type=int, default=(0, 3), metavar=("BEGIN", "END"),
+                        help="of the runs of measured ensembles")
     parser.add_argument("--rivals", action="store_true", help="simple regressions beside the default")
     parser.add_argument("--grid", action="store_true", help="stated options beside the default")
     parser.add_argument("--reference", action="store_true", help="maximum likelihood from the truth beside the default")
@@ -145,13 +166,15 @@ def main():
     parser.add_argument("-o", "--output", type=Path, default=Path("results.jsonl"))
     given = parser.parse_args()
 
-    chosen = drawn_cells(*given.draws) if given.draws else short_cells() if given.short else cells()
+    chosen = (recorded_cells(given.recorded, *given.splits) if given.recorded else
+              drawn_cells(*given.draws) if given.draws else short_cells() if given.short else cells())
     chosen = {cell: found for cell, found in chosen.items() if re.search(given.cells, cell)}
     known = read(given.output) if given.output.exists() else {}
-    todo = [task for task in tasks(chosen, given.rivals, given.reference, given.grid)
+    todo = [task for task in tasks(chosen, given.rivals or given.recorded, given.reference, given.grid)
             if "error" in known.get((task[0], task[3]), {"error": "not run"})]
     with ProcessPoolExecutor(given.jobs) as pool, given.output.open("a") as file:
-        for done in as_completed([pool.submit(measure, given.tool, *task, given.limit) for task in todo]):
+        one = measure_recorded if given.recorded else measure
+        for done in as_completed([pool.submit(one, given.tool, *task, given.limit) for task in todo]):
             line = done.result()
             file.write(json.dumps(line) + "\n")
             file.flush()

@@ -5,8 +5,9 @@
 
 Regret: the error 20 steps ahead of the default over the least one that is known of the cell: that of the best options
 of the grid, of maximum likelihood from the truth, or of a rival. Of an older file, the error 20 steps ahead stands
-beside the others. The last table counts how far the models of each verdict are from the best that is known: from the
-truth, where the cell has no other.
+beside the others. Of measured ensembles, a table has the errors relative to the best rival at each horizon. The last
+table counts how far the models of each verdict are from the best that is known: from the truth, where the cell has no
+other.
 """
 
 import json
@@ -71,6 +72,20 @@ def percentiles(defaults):
             row(words, *(shown(values[place]) for place in places), str(len(values)))
 
 
+def recorded_table(results, cells):
+    """The errors of the default over the least one of its rivals, at each horizon."""
+    row("measured", "1 step", "5 steps", "20 steps", "verdict", "n", "p", "s")
+    row(*["---"] * 8)
+    ratios = []
+    for cell in cells:
+        default = results[cell, "default"]
+        rivals = [line for (name, options), line in results.items() if name == cell and options != "default"]
+        ratios.append([value(default, error) / min(value(line, error) for line in rivals)
+                       for error in ("one_step", "five_steps", "ahead")])
+        row(cell, *map(shown, ratios[-1]), *(choice(default, name) for name in ("verdict", "states", "lags", "seconds")))
+    row("geometric mean", *map(shown, np.exp(np.log(ratios).mean(axis=0))), *[""] * 4)
+
+
 def calibration(defaults):
     near = (1.05, 1.15, 1.5)
     row("verdict", "cells", *(f"at most {limit:g}" for limit in near))
@@ -86,10 +101,16 @@ def main():
     results, older = read(sys.argv[1]), read(sys.argv[2]) if len(sys.argv) > 2 else {}
     defaults = {cell: {**line, "ahead": value(line, "ahead"), "regret": regret(results, cell)}
                 for (cell, options), line in results.items() if options == "default"}
-    cell_table(defaults, older)
-    print()
-    percentiles(defaults)
-    print()
+    recorded = {cell: line for cell, line in defaults.items() if line.get("recorded")}
+    plants = {cell: line for cell, line in defaults.items() if cell not in recorded}
+    if plants:
+        cell_table(plants, older)
+        print()
+        percentiles(plants)
+        print()
+    if recorded:
+        recorded_table(results, recorded)
+        print()
     calibration(defaults)
 
 

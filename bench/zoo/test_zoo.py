@@ -15,9 +15,10 @@ from conditions import Condition, cells, drawn_cells, short_cells
 from intervals import measure
 from measures import HORIZON, ahead, evaluate, filtered, first_state, of_truth, read_model
 from plants import PLANTS
-from rivals import of_arx
+from recorded import halves
+from rivals import RIVALS, of_arx
 from predictors import Arx
-from run import make_data
+from run import data_of, make_data
 from table import read
 from truth import experiments, plant_of, truth_of
 
@@ -161,6 +162,28 @@ def test_defaults_of_the_short_cells(study):
     assert set(found) == set(LIMITS) == set(short_cells())
     worse = {cell: values for cell, values in found.items() if any(v > most for v, most in zip(values, LIMITS[cell]))}
     assert not worse
+
+
+@needs_tool
+def test_measured_ensembles_stand_beside_their_rivals(tmp_path):
+    condition = Condition(experiments=20)
+    u, y = data_of("recorded", condition, truth_of("stiffness_jump", condition))
+    (tmp_path / "rig").mkdir()
+    np.savez(tmp_path / "rig" / "spring.npz", u=u[:, :45], y=y[:, :45], dt=0.05)
+    run, results = Path(__file__).with_name("run.py"), tmp_path / "results.jsonl"
+    subprocess.run([sys.executable, run, "--tool", os.environ["TOKID"], "--recorded", tmp_path / "rig", "--splits", "4", "5",
+                    "-o", results], check=True)
+    found = read(results)
+    assert set(found) == {("spring/split-4", name) for name in ("default", *RIVALS)}
+    errors = np.array([[line["one_step"], line["five_steps"], line["ahead"]] for line in found.values()])
+    assert (errors > 0).all() and (errors[:, 0] < 0.5).all()
+    training, fresh = halves(tmp_path / "rig" / "spring.npz", 4)
+    assert len(training["u"]) == 14 and len(fresh["u"]) == 6
+    assert not set(training["y"][:, 20, 0]) & set(fresh["y"][:, 20, 0])
+    printed = subprocess.run([sys.executable, run.with_name("table.py"), results], check=True, capture_output=True,
+                             text=True).stdout
+    ratio = found["spring/split-4", "default"]["ahead"] / min(found["spring/split-4", name]["ahead"] for name in RIVALS)
+    assert f"| {ratio:.3g} |" in next(line for line in printed.splitlines() if line.startswith("| spring/split-4 |"))
 
 
 @needs_tool
