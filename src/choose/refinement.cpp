@@ -227,6 +227,8 @@ class Folds::RefinementSearch {
   }
 
   bool empty() const { return attempts_.empty(); }
+  // Are the errors smaller than those of the subspace models?
+  bool helps() const { return !empty() && error() < choice_.error; }
   Index states() const { return choice_.states; }
   // Of the best λ.
   const Likelihood& likelihood() const { return chosen()->likelihood; }
@@ -599,8 +601,10 @@ class Folds::OrderSearch {
     const Search plain = begun(states), first = fewest < states ? begun(fewest) : plain;
     best_ = refined(first);
     if (first != plain && !fewer_suffice(*first, *refined(plain))) best_ = plain;
-    if (best_ == plain) try_more();
-    if (best_->states() <= states) try_fewer(fewest, first);
+    if (best_->helps()) {
+      if (best_ == plain) try_more();
+      if (best_->states() <= states) try_fewer(fewest, first);
+    }
     best_->finish();
     std::optional<RefinementOfFolds> result = best_->better_than(*plain);
     if (!result && best_ != plain) result = plain->better_than(*plain);
