@@ -22,7 +22,7 @@ from predictors import Departures, StateSpace  # noqa: E402
 PLANTS = ("launch_vehicle", "batch_reactor", "crane", "stiffness_jump", "invariant_structure")
 FRESH = 100  # experiments that judge
 ROBOT = "robot"
-TRAINING_SHARE = 0.7  # of the robot's runs
+TRAINING_SHARE = 0.7  # of measured runs
 
 
 @dataclass(frozen=True)
@@ -61,6 +61,11 @@ def of_plant(name, count, noise, seed):
     return Ensemble(*measured(count, first), *measured(FRESH, first + 1), plant.dt, free_y.transpose(1, 0, 2), known)
 
 
+def parted(count, split):
+    """The runs for training and the fresh ones, of measured runs in random order."""
+    return np.split(np.random.default_rng(split).permutation(count), [int(TRAINING_SHARE * count)])
+
+
 def robot_path():
     return tool.data_folder() / "pendubot" / "pendubot.npz"
 
@@ -69,6 +74,5 @@ def of_robot(split):
     """The runs and the splits of examples/pendubot.py: both torques, both positions."""
     with np.load(robot_path()) as file:
         u, y = file["u"], file["y"][:, :, :2]
-    order = np.random.default_rng(split).permutation(len(y))
-    training, fresh = np.split(order, [int(TRAINING_SHARE * len(y))])
+    training, fresh = parted(len(y), split)
     return Ensemble(u[training], y[training], u[fresh], y[fresh], 0.02)

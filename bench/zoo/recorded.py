@@ -15,10 +15,9 @@ from types import SimpleNamespace
 import numpy as np
 
 from contenders import CONTENDERS
-from ensembles import TRAINING_SHARE, tool  # noqa: F401 - tool, for run.py
+from ensembles import parted
 from judge import HORIZONS, errors, squares
-
-ERRORS = ("one_step", "five_steps", "ahead")  # at the horizons
+from table import ERRORS
 
 
 def recorded_cells(folder, begin, end):
@@ -31,8 +30,7 @@ def halves(path, split):
     """u (N, T, r), y (N, T, m) and dt of the runs for the identification, and of the fresh ones."""
     with np.load(path) as file:
         u, y, dt = file["u"], file["y"], float(file["dt"])
-    order = np.random.default_rng(split).permutation(len(u))
-    return [{"u": u[part], "y": y[part], "dt": dt} for part in np.split(order, [int(TRAINING_SHARE * len(u))])]
+    return [{"u": u[part], "y": y[part], "dt": dt} for part in parted(len(u), split)]
 
 
 def by_rival(name, training, fresh):

@@ -29,7 +29,8 @@ import numpy as np  # noqa: E402 - after the number of threads is set
 from conditions import cells, drawn_cells, scales, short_cells  # noqa: E402
 from measures import evaluate, predictions, read_model, write_truth  # noqa: E402
 from rivals import RIVALS, SETTLED, rival  # noqa: E402
-from recorded import by_rival, by_tool, errors_of, halves, recorded_cells, tool  # noqa: E402 - after the path of rivals
+from ensembles import tool  # noqa: E402 - after the path that rivals sets
+from recorded import by_rival, by_tool, errors_of, halves, recorded_cells  # noqa: E402
 from table import read  # noqa: E402
 from truth import experiments, truth_of  # noqa: E402
 

@@ -18,6 +18,7 @@ import numpy as np
 
 MEASURES = {"ahead": "20 steps", "one_step": "one step", "one_step_start": "start", "one_step_jump": "jump",
             "pulse": "pulse", "control": "LQG", "regret": "regret"}
+ERRORS = ("one_step", "five_steps", "ahead")  # of measured ensembles, at the horizons of bench/compare
 
 
 def read(path):
@@ -81,7 +82,7 @@ def recorded_table(results, cells):
         default = results[cell, "default"]
         rivals = [line for (name, options), line in results.items() if name == cell and options != "default"]
         ratios.append([value(default, error) / min(value(line, error) for line in rivals)
-                       for error in ("one_step", "five_steps", "ahead")])
+                       for error in ERRORS])
         row(cell, *map(shown, ratios[-1]), *(choice(default, name) for name in ("verdict", "states", "lags", "seconds")))
     row("geometric mean", *map(shown, np.exp(np.log(ratios).mean(axis=0))), *[""] * 4)
 
