@@ -26,7 +26,6 @@ struct Call {
   IdentifyOptions options;
   Index block = automatic;
   fs::path state;
-  bool resume = false;
   bool json = false, quiet = false, verbose = false;
 };
 
@@ -36,7 +35,6 @@ struct Data {
   double dt = 1.0;
   bool says_initial_state = false;
   Index block = 0, blocks = 0, overlap = 0;  // steps of a block, number of blocks, extra steps; 0 without blocks
-  Index resumed = 0;                         // number of blocks that an earlier call finished
 };
 
 Data about_data(const Ensemble& e) {
@@ -45,9 +43,9 @@ Data about_data(const Ensemble& e) {
 }
 
 Data about_data(const EnsembleFile& file, const Streamed& streamed) {
-  return {file.experiments(), file.steps(),          file.inputs(),    file.outputs(),
-          streamed.missing,   file.free_responses(), file.dt(),        file.initial_state().has_value(),
-          streamed.block,     streamed.blocks,       streamed.overlap, streamed.resumed};
+  return {file.experiments(), file.steps(),          file.inputs(),   file.outputs(),
+          streamed.missing,   file.free_responses(), file.dt(),       file.initial_state().has_value(),
+          streamed.block,     streamed.blocks,       streamed.overlap};
 }
 
 // RMS errors relative to their reference, from the means of their logarithms.
@@ -378,9 +376,6 @@ std::string report(const Call& call, const Data& data, const Identification& res
   if (data.blocks > 0)
     page.row("Blocks", fmt::format("{} of up to {}; each block also reads {} steps of its neighbours", data.blocks,
                                    plural(data.block, "step"), data.overlap));
-  if (data.resumed > 0)
-    page.row("", fmt::format("resumed after {} of {} blocks, which an earlier call had finished", data.resumed,
-                             data.blocks));
   add_assumptions(call, data, result, page);
   add_lag_order(call, data, result, page);
   add_states(call, result, page);
@@ -431,7 +426,6 @@ Json json(const Call& call, const Data& data, const Identification& result, cons
   j["model"] = call.model.string();
   j["report"] = call.page.empty() ? Json() : Json(call.page.string());
   j["block"] = data.blocks > 0 ? Json(data.block) : Json();
-  j["resumed_blocks"] = call.resume ? Json(data.resumed) : Json();
   j["experiments"] = result.experiments;
   j["held_out_experiments"] = result.held_out_experiments;
   j["steps"] = result.steps;
@@ -581,7 +575,6 @@ void run_in_blocks(const Call& call) {
     options.identify.execution.progress = bar.callback();
     options.block = call.block;
     options.team = team();
-    options.resume = call.resume;
     return identify_stream(file, call.model, options);
   });
   if (team().rank == 0)
@@ -636,11 +629,7 @@ void run(const Call& call) {
   if (!call.state.empty()) check_output(call.state, Content::state, kept);
   if (call.options.reference_step && call.options.frame != Frame::reference)
     throw std::invalid_argument("--reference-step: used only in the reference frame. Add --frame reference");
-  const bool blocks = in_blocks(call);
-  if (call.resume && !blocks)
-    throw std::invalid_argument(
-        "--resume: needs finished blocks, but all steps of these data are identified at once. Add --block STEPS");
-  if (blocks)
+  if (in_blocks(call))
     run_in_blocks(call);
   else if (team().rank == 0)
     run_at_once(call);
@@ -696,10 +685,6 @@ void add_identify(CLI::App& tool) {
   command.value("--block", call->block, "STEPS|auto|all",
                 "Steps of an .h5 in memory at a time, or all (auto: all, in blocks beyond 512 MB of samples)",
                 block_steps, "a whole number from 1 on, auto or all needed");
-  command.flag(
-      "--resume", call->resume,
-      "Keep finished blocks in FILE.resume until the model is written. After a stop, the same call continues from these "
-      "blocks");
   command.file("--report", call->page, "Page to write that shows whether the model can be trusted: .html");
   const auto file_name = [](const std::string& text) {
     return parse_number<double>(text, 0, 1e300) ? std::nullopt : std::optional<fs::path>(text);

@@ -131,32 +131,6 @@ def models(tokid, folder):
     h5(folder("state_h5") / "plain.h5", **STATE)
 
 
-def journals(tokid, folder):
-    """Blocks that are kept before one with a sample that is none: the first one, and one behind it."""
-    steps = 2400
-    data, model = folder("journal") / "data.h5", folder("journal") / "model.h5"
-    u = RNG.standard_normal((8, steps, 1))
-    y = 0.5 * u
-    y[:, 1:] += 0.3 * u[:, :-1]
-    y[3, 1790] = np.inf
-    h5(data, u=u, y=y, initial_state="zero")
-    call = ("identify", data, "-o", model, "--block", 20, "--lags", 1, "--resume", "--threads", 1)
-    try:
-        tokid(*call)
-    except subprocess.CalledProcessError as error:
-        assert error.returncode == 2
-    journal = Path(f"{model}.resume")
-    content, at = journal.read_bytes(), 8
-    for name in (None, "first", "second"):
-        size = int.from_bytes(content[at:at + 8], "little")
-        if name:
-            write(folder("journal"), name, content[at + 16:at + 16 + size])
-        at += 16 + size
-    write(folder("journal"), "zeros", bytes(2048))
-    data.unlink()
-    journal.unlink()
-
-
 def texts(tokid, folder):
     write(folder("options"), "all.json", OPTIONS)
     write(folder("options"), "automatic.json", '{"states":"auto","smoothing":"auto","choices":null}')
@@ -182,7 +156,7 @@ def main():
     for old in CORPUS.glob("*/*"):
         if not old.name.startswith("found-"):
             old.unlink()
-    for make in (ensembles, tables, models, journals, texts):
+    for make in (ensembles, tables, models, texts):
         make(tokid, folder)
 
 

@@ -15,7 +15,6 @@
 #include "command.hpp"
 #include "io/formats/provenance_text.hpp"
 #include "io/guard/claims.hpp"
-#include "large/blocks.hpp"
 #include "tokid/tokid.hpp"
 #include "tool.hpp"
 
@@ -156,19 +155,6 @@ void recordings(std::string_view bytes) {
   });
 }
 
-// A block of a journal, of the record that make_corpus.py makes.
-void journal(std::string_view bytes) {
-  stream::BlockLayout layout;
-  layout.steps = 2400;
-  layout.count = 120;
-  layout.before = 5;
-  try {
-    stream::finished_block(bytes, layout, 1, 1);
-  } catch (const std::invalid_argument&) {
-  } catch (const std::runtime_error&) {
-  }
-}
-
 // ---- options ----
 
 // What is understood is written so that it is understood in the same way.
@@ -217,7 +203,6 @@ constexpr Target table[] = {{"ensemble_npz", ensemble<npz>},
                             {"model_mat", model<mat>},
                             {"state_npz", state<npz>},
                             {"state_h5", state<h5>, true},
-                            {"journal", journal},
                             {"options", options},
                             {"command_line", command_line}};
 

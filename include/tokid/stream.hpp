@@ -17,11 +17,9 @@ struct StreamOptions {
   IdentifyOptions identify = {};     // options; empty ones are chosen from stretches at the beginning, middle and end
   Index block = 0;                   // steps of a block; 0: as many as fit into memory_per_thread
   double memory_per_thread = 100e6;  // [bytes]
-  Team team = {};                    // the processes that share the stretches and the blocks
-  // true: stores finished blocks in a resume journal next to the model, MODEL.resume, until the model is complete. If
-  // there is a journal, the identification continues from it. The model has the same bits for any number of threads and
-  // team members.
-  bool resume = false;
+  // The processes that share the stretches and the blocks. The model has the same bits for any number of them, and of
+  // threads.
+  Team team = {};
 };
 
 // The result of identify_stream(). Its model has no matrices, because the file has them. It has the state dimensions
@@ -32,12 +30,11 @@ struct Streamed {
   Index block = 0, blocks = 0;  // steps of a block, number of blocks
   Index overlap = 0;            // steps that a block reads beyond its own, shared with its neighbours
   Index missing = 0;            // missing samples within the lengths of the experiments
-  Index resumed = 0;            // blocks that an earlier call finished, from the resume journal
 };
 
 // Every member of the team must call this function. Only the first member writes the model and gets the result.
 // \throws std::invalid_argument as identify(), and for options that need all steps at once: a period, one model for all
-// steps, the reference frame. \throws IoError, also if the journal is of other data or options. \throws WriteError
+// steps, the reference frame. \throws IoError, WriteError
 Streamed identify_stream(const EnsembleFile& data, const std::filesystem::path& model,
                          const StreamOptions& options = {});
 

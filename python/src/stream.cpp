@@ -10,7 +10,7 @@ void bind_stream(nb::module_& module) {
   module.def(
       "identify_stream",
       [](const std::filesystem::path& from, const std::filesystem::path& to, IdentifyOptions identify, Index block,
-         double memory_per_thread, bool resume, int threads, nb::object listener) {
+         double memory_per_thread, int threads, nb::object listener) {
         Call call(std::move(listener));
         identify.execution = call.execution(threads);
         const Streamed streamed = call.run([&] {
@@ -19,7 +19,6 @@ void bind_stream(nb::module_& module) {
           options.identify = identify;
           options.block = block;
           options.memory_per_thread = memory_per_thread;
-          options.resume = resume;
           return identify_stream(file, to, options);
         });
         return make("Streamed", {{"identification", object_of(streamed.identification)},
@@ -27,11 +26,10 @@ void bind_stream(nb::module_& module) {
                                  {"block", streamed.block},
                                  {"blocks", streamed.blocks},
                                  {"overlap", streamed.overlap},
-                                 {"missing", streamed.missing},
-                                 {"resumed", streamed.resumed}});
+                                 {"missing", streamed.missing}});
       },
       nb::arg("data"), nb::arg("model"), nb::arg("options"), nb::kw_only(), nb::arg("block"),
-      nb::arg("memory_per_thread"), nb::arg("resume"), nb::arg("threads"), nb::arg("listener").none());
+      nb::arg("memory_per_thread"), nb::arg("threads"), nb::arg("listener").none());
 }
 
 }  // namespace tokid::python

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "words.hpp"
 
-#include <array>
 #include <regex>
 #include <string>
 #include <utility>
+#include <vector>
 
 namespace tokid::python {
 
@@ -20,8 +20,8 @@ struct Wording {
 std::regex of_tool(const std::string& words) { return std::regex("(^|[ (])" + words + "(?![\\w/-]|\\.\\w)"); }
 
 // The options of the tool that messages of the library name, longer phrases first. $1 is what stands before them.
-const std::array<Wording, 14>& wordings() {
-  static const std::array<Wording, 14> table{{
+const std::vector<Wording>& wordings() {
+  static const std::vector<Wording> table{
       {of_tool("--inputs 'A,B' --outputs 'C,D'"), "$1inputs=['A', 'B'], outputs=['C', 'D']"},
       {of_tool("--missing ('[^']*')"), "$1missing=$2"},
       {of_tool("--experiment-column ('[^']*')"), "$1experiment_column=$2"},
@@ -33,10 +33,9 @@ const std::array<Wording, 14>& wordings() {
       {of_tool("--(method|dates) ([a-z]+(-first)?)"), "$1$2='$3'"},
       {of_tool("(call|identify) with --block all"), "$1call tokid.identify"},
       {of_tool("(tokid )?identify --state"), "$1tokid.identify(keep_state=True)"},
-      {of_tool("(tokid )?identify --resume"), "$1tokid.identify_file(resume=True)"},
       {of_tool("tokid update reads state files"), "$1tokid.UpdateState.load reads state files"},
       {of_tool("--(experiments|lags|trigger)"), "$1$2"},
-  }};
+  };
   return table;
 }
 

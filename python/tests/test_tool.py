@@ -286,27 +286,8 @@ def test_stream(files, tool):
     found = tokid.identify_file(files / "long.h5", files / "python.h5", block=40)
     assert same_bytes(files / "tool.h5", files / "python.h5")
     assert (found.block, found.blocks, found.states) == (40, 3, 4) and found.overlap > 0
-    assert found.resumed == 0
     with pytest.raises(tokid.IoError):
         tokid.identify_file(files / "exact.npz", files / "python.h5")
-
-
-def test_stream_goes_on_where_it_was_stopped(tool, tmp_path):
-    """A listener that raises stops it; whoever goes on, the tool or this package, writes the same file."""
-    tokid.example("oscillator", experiments=100, steps=2000).save(tmp_path / "long.h5")
-    call = {"data": tmp_path / "long.h5", "block": 40, "lags": 2, "resume": True}
-    whole = tokid.identify_file(model=tmp_path / "whole.h5", **call)
-    for name in "python.h5", "tool.h5":
-        with pytest.raises(ZeroDivisionError):
-            tokid.identify_file(model=tmp_path / name, progress=lambda share: 1 / 0, **call)
-    assert sorted(os.listdir(tmp_path)) == ["long.h5", "python.h5.resume", "tool.h5.resume", "whole.h5"]
-    found = tokid.identify_file(model=tmp_path / "python.h5", threads=2, **call)
-    assert 0 < found.resumed <= found.blocks == whole.blocks == 50
-    told = tool("identify", tmp_path / "long.h5", "-o", tmp_path / "tool.h5", "--block", 40, "--lags", 2, "--resume")
-    assert "resumed after" in told
-    assert same_bytes(tmp_path / "whole.h5", tmp_path / "python.h5")
-    assert same_bytes(tmp_path / "whole.h5", tmp_path / "tool.h5")
-    assert sorted(os.listdir(tmp_path)) == ["long.h5", "python.h5", "tool.h5", "whole.h5"]
 
 
 @pytest.fixture

@@ -264,7 +264,6 @@ def identify_file(
     *,
     block: Union[int, str] = "auto",
     memory_per_thread: float = 100e6,
-    resume: bool = False,
     threads: int = 1,
     progress: Progress = False,
     **options: Unpack[IdentifyOptions],
@@ -283,9 +282,6 @@ def identify_file(
         Steps of a block. "auto": the number that fits `memory_per_thread`.
     memory_per_thread : float, default 100e6
         Memory of each thread [bytes].
-    resume : bool, default False
-        Store finished blocks in a resume journal next to the model (its path and ".resume") until the model is
-        complete. If there is a journal, continue from it. The model has the same bits.
     threads, progress
         As in `identify`.
     **options
@@ -303,8 +299,7 @@ def identify_file(
         As in `identify`, and for options that need all steps at once: a period, one model for all steps, the reference
         frame.
     IoError
-        If a file can't be read in blocks or can't be written, or if the journal belongs to other data or options. It is
-        an OSError.
+        If a file can't be read in blocks or can't be written. It is an OSError.
     """
     checked = _identify_options.checked(options)
     steps = 0 if block == "auto" else _options.integer("block", block, 1, 1_000_000_000, " or 'auto'")
@@ -315,7 +310,6 @@ def identify_file(
             checked,
             block=steps,
             memory_per_thread=_options.real("memory_per_thread", memory_per_thread, 1.0),
-            resume=_options.switch("resume", resume),
             threads=_options.threads(threads),
             listener=listening,
         )

@@ -1655,8 +1655,6 @@ class Streamed(_Result):
         Steps that a block shares with its neighbours.
     missing : int
         Number of missing samples within the lengths of the experiments.
-    resumed : int
-        Number of blocks from the resume journal of an earlier call.
     """
 
     identification: Identification
@@ -1665,7 +1663,6 @@ class Streamed(_Result):
     blocks: int
     overlap: int
     missing: int
-    resumed: int
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -138,28 +138,6 @@ BlockResult identify_block(Ensemble data, const BlockLayout& layout, Index i) {
   return result;
 }
 
-FinishedBlock finished_block(std::string_view bytes, const BlockLayout& layout, Index inputs, Index outputs) {
-  auto found = archive::unpacked<FinishedBlock>(bytes);
-  const BlockResult& b = found.result;
-  if (found.number < 0 || found.number >= layout.count)
-    throw std::invalid_argument(fmt::format("block {} found, 0 to {} needed", found.number, layout.count - 1));
-  const Block block = layout.block(found.number);
-  b.model.check();
-  const auto counts = [](const auto& list, Index count) { return Index(list.size()) == count; };
-  const bool fits =
-      b.model.inputs == inputs && b.model.outputs == outputs && b.begin == block.begin && b.read_begin == block.first &&
-      b.model.steps() > 0 && b.model.k_end() == block.end && (found.number == 0 || b.model.k_begin == block.begin) &&
-      b.opening.cols() == b.model.n(b.model.k_begin) &&
-      (block.end == layout.steps ? b.closing.size() == 0 : b.closing.cols() == b.model.n(b.model.k_end())) &&
-      counts(b.samples.channel, inputs + outputs) && counts(b.samples.zero, inputs) && counts(b.samples.same, inputs) &&
-      counts(b.samples.alone, inputs) && counts(b.errors.one_step, outputs) && counts(b.errors.simulation, outputs) &&
-      counts(b.digests, block.end - block.begin);
-  if (!fits)
-    throw std::invalid_argument(fmt::format(
-        "block {}: other sizes found than those of the data, a block of the same data needed", found.number));
-  return found;
-}
-
 void Joint::add(BlockResult block) {
   Model& model = block.model;
   if (waiting_) {

@@ -3,7 +3,6 @@
 #pragma once
 
 #include <cstdint>
-#include <string_view>
 
 #include "data/survey.hpp"
 #include "diagnose/regressions.hpp"
@@ -44,15 +43,11 @@ struct BlockResult {
 // `data`: the steps that block i reads.
 BlockResult identify_block(Ensemble data, const BlockLayout& layout, Index i);
 
-// A result with the number of its block. It may come from another process, or from the journal of an earlier call.
+// A result with the number of its block. It may come from another process.
 struct FinishedBlock {
   Index number = -1;
   BlockResult result;
 };
-
-// Unpacks a block with `inputs` inputs and `outputs` outputs. Another program may have written the bytes. \throws
-// std::runtime_error, std::invalid_argument if the bytes are no block of this layout
-FinishedBlock finished_block(std::string_view bytes, const BlockLayout& layout, Index inputs, Index outputs);
 
 // Serialises blocks for messages between processes.
 template <class Archive, class B>

@@ -7,28 +7,16 @@
 #include <chrono>
 #include <cmath>
 #include <map>
-#include <memory>
-#include <mutex>
 #include <stdexcept>
 
-#define XXH_INLINE_ALL
-#include <xxhash.h>
-
 #include "base/integers.hpp"
-#include "base/json.hpp"
 #include "base/statistics.hpp"
 #include "diagnose/model_states.hpp"
 #include "identify/identify.hpp"
-#include "io/formats/provenance_text.hpp"
-#include "io/guard/atomic_file.hpp"
-#include "io/naming.hpp"
 #include "large/blocks.hpp"
 #include "large/decide.hpp"
-#include "large/journal.hpp"
 #include "large/reader.hpp"
-#include "linalg/simd.hpp"
 #include "model/archived.hpp"
-#include "tokid/version.hpp"
 
 namespace tokid {
 
@@ -103,20 +91,11 @@ class Record {
 
   // Blocks may be added in any order: a block is used when all blocks before it have been used.
   void put(FinishedBlock block) {
-    if (block.number < done_) return;
     waiting_.emplace(block.number, std::move(block.result));
     for (auto next = waiting_.find(done_); next != waiting_.end(); next = waiting_.find(++done_)) {
       add(std::move(next->second));
       waiting_.erase(next);
     }
-  }
-
-  // The numbers of the blocks that have not been added yet.
-  std::vector<Index> missing() const {
-    std::vector<Index> result;
-    for (Index i = done_; i < layout_.count; ++i)
-      if (waiting_.count(i) == 0) result.push_back(i);
-    return result;
   }
 
   void finish(const StreamOptions& options, ModelFile& file, Streamed& streamed) {
@@ -198,71 +177,30 @@ class Record {
   double whiteness_p_ = std::numeric_limits<double>::quiet_NaN();
 };
 
-// Everything that affects the results of the blocks, to the last bit. The choices depend on the samples, so they help
-// to tell similar data apart.
-std::string about_blocks(const EnsembleFile& file, const BlockLayout& layout, const std::string& plan,
-                         const StreamOptions& options) {
-  const FileState data = file.state();
-  Json json;
-  json["version"] = version;
-  json["instructions"] = simd::to_string(simd::target());
-  json["number of the file"] = data.number;
-  json["bytes of the data"] = data.bytes;
-  json["time of the data"] = data.modified;
-  json["change of the file"] = data.changed;
-  json.update(parse_json(io::provenance_text({.options = options.identify, .experiments = file.experiments()})));
-  json["steps"] = layout.steps;
-  json["blocks"] = layout.count;
-  json["choices"] = fmt::format("{:016x}", XXH3_64bits(plan.data(), plan.size()));
-  return text_of(json);
-}
-
-// Adds the blocks that an earlier call has stored in the journal.
-void replay(stream::Journal& journal, const EnsembleFile& file, const BlockLayout& layout, Record& record) {
-  while (const std::optional<std::string> kept = journal.next()) {
-    checkpoint();
-    record.put(io::naming(journal.path(),
-                          [&] { return stream::finished_block(*kept, layout, file.inputs(), file.outputs()); }));
-  }
-}
-
-// Identifies the blocks `todo`, shared among the processes of the team. The first process has the record and, with
-// options.resume, the journal; both get the blocks of all processes.
-void identify_blocks(const EnsembleFile& file, const BlockLayout& layout, const std::vector<Index>& todo,
-                     const StreamOptions& options, std::optional<Record>& record, stream::Journal* journal) {
+// Identifies the blocks, shared among the processes of the team. The first process has the record and gets the blocks
+// of all processes.
+void identify_blocks(const EnsembleFile& file, const BlockLayout& layout, const StreamOptions& options,
+                     std::optional<Record>& record) {
   const Team& team = options.team;
-  const Index count = Index(todo.size()), resumed = layout.count - count;
   std::vector<Index> share;
-  for (Index i = team.rank; i < count; i += team.size) share.push_back(todo[size_t(i)]);
-  const Index threads = thread_count(options.identify.execution);
-  // The blocks of other processes reach the journal only when they are gathered. So they are gathered often if there is
-  // a journal.
-  const Index round = (options.resume && team.size > 1 ? 1 : blocks_at_a_time) * threads;
+  for (Index i = team.rank; i < layout.count; i += team.size) share.push_back(i);
+  const Index threads = thread_count(options.identify.execution), round = blocks_at_a_time * threads * team.size;
   stream::Reader reader(file, layout, share, threads);
-  std::mutex keeping;
-  for (Index from = 0; from < count; from += round * team.size) {
-    const Index to = std::min(count, from + round * team.size);
+  for (Index from = 0; from < layout.count; from += round) {
+    const Index to = std::min(layout.count, from + round);
     std::vector<FinishedBlock> own(size_t(std::max<Index>(0, ceil_div(to - from - team.rank, team.size))));
     parallel_for(0, Index(own.size()), {int(threads), {}}, [&](Index begin, Index end) {
       for (Index i = begin; i < end; ++i) {
-        const Index block = todo[size_t(from + i * team.size + team.rank)];
+        const Index block = from + i * team.size + team.rank;
         own[size_t(i)] = {block, stream::identify_block(reader.take(block), layout, block)};
-        if (!journal) continue;
-        const std::string kept = archive::packed(own[size_t(i)]);
-        const std::lock_guard lock(keeping);
-        journal->add(kept);
       }
     });
     const std::vector<std::string> all = team.gather(archive::packed(own));
-    if (record) {
-      for (size_t member = 0; member < all.size(); ++member)
-        for (FinishedBlock& block : archive::unpacked<std::vector<FinishedBlock>>(all[member])) {
-          if (journal && Index(member) != team.rank) journal->add(archive::packed(block));
-          record->put(std::move(block));
-        }
-      if (options.identify.execution.progress)
-        options.identify.execution.progress({.share = double(resumed + to) / double(layout.count)});
-    }
+    if (!record) continue;
+    for (const std::string& member : all)
+      for (FinishedBlock& block : archive::unpacked<std::vector<FinishedBlock>>(member)) record->put(std::move(block));
+    if (options.identify.execution.progress)
+      options.identify.execution.progress({.share = double(to) / double(layout.count)});
   }
 }
 
@@ -272,37 +210,21 @@ Streamed identify_stream(const EnsembleFile& file, const std::filesystem::path& 
   const auto start = std::chrono::steady_clock::now();
   const Team& team = options.team;
   std::optional<ModelFile> model;
-  std::shared_ptr<stream::Journal> journal;
-  if (team.rank == 0) {
-    model.emplace(path);
-    if (options.resume) journal = std::make_shared<stream::Journal>(path);
-  }
+  if (team.rank == 0) model.emplace(path);
   if (file.inputs() == 0) throw std::invalid_argument("ensemble: 0 inputs found, at least one needed");
   stream::Decision decision = stream::decide(file, options.identify, team);
   // All processes use exactly the decision of the first process.
   const std::string plan = team.broadcast(archive::packed(decision.plan));
   const BlockLayout layout = layout_of(file, options, archive::unpacked<Plan>(plan));
   std::optional<Record> record;
-  std::vector<Index> todo;
-  if (model) {
-    record.emplace(file, layout, *model);
-    if (journal) {
-      journal->begin(about_blocks(file, layout, plan, options));
-      replay(*journal, file, layout, *record);
-    }
-    todo = record->missing();
-  }
-  todo = archive::unpacked<std::vector<Index>>(team.broadcast(archive::packed(todo)));
-  identify_blocks(file, layout, todo, options, record, journal.get());
+  if (model) record.emplace(file, layout, *model);
+  identify_blocks(file, layout, options, record);
   Streamed result;
   result.identification = std::move(decision.evidence);
   result.block = layout.longest();
   result.blocks = layout.count;
   result.overlap = layout.before + layout.after;
-  result.resumed = layout.count - Index(todo.size());
   if (record) record->finish(options, *model, result);
-  if (model)  // without options.resume, an earlier call may have left a journal
-    io::AtomicFile::when_published([path, journal] { journal ? journal->remove() : stream::Journal::discard(path); });
   result.identification.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return result;
 }

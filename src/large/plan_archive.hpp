@@ -1,4 +1,4 @@
-// Serialises plans and surveys of regressions, for messages between processes and for journals.
+// Serialises plans and surveys of regressions, for messages between processes.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 

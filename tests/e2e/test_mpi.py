@@ -15,7 +15,6 @@ import h5py
 import numpy as np
 import pytest
 
-from faults import dying_at
 from support import leftovers, links, markov, write_ensemble
 
 pytestmark = pytest.mark.skipif("TOKID_MPI" not in os.environ, reason="built without MPI")
@@ -58,29 +57,6 @@ def test_every_number_of_processes_writes_the_same_file(tmp_path, noise, options
         assert result.stdout.count("Written") == 1
         assert model.read_bytes() == alone.read_bytes()
     assert leftovers(tmp_path) == []
-
-
-def test_a_job_that_died_goes_on_with_any_number_of_processes(tmp_path):
-    data, model = write_ensemble(tmp_path / "data.h5", steps=900), tmp_path / "model.h5"
-    call = ["identify", data, "-o", model, "--block", 70, "--lags", 2]
-    subprocess.run([os.environ["TOKID"], *map(str, call), "--quiet"], check=True)
-    whole = model.read_bytes()
-    model.unlink()
-    # The first process dies where it would give the model its name: all blocks are in the journal.
-    died = subprocess.run(command(2, *call, "--resume"), env=ENVIRONMENT, capture_output=True, timeout=300,
-                          preexec_fn=dying_at("linkat"))
-    assert died.returncode != 0
-    journal = tmp_path / "model.h5.resume"
-    assert sorted(os.listdir(tmp_path)) == ["data.h5", "model.h5.resume"]
-    content = journal.read_bytes()
-    for processes, kept in ((1, 0.5), (2, 0.3), (3, 0.8), (3, 1.0)):
-        journal.write_bytes(content[:int(kept * len(content))])
-        result = mpi(processes, *call, "--resume", "--json")
-        assert result.returncode == 0, result.stderr
-        found = json.loads(result.stdout)["resumed_blocks"]
-        assert 0 < found < 13 if kept < 1 else found == 13
-        assert model.read_bytes() == whole
-        assert sorted(os.listdir(tmp_path)) == ["data.h5", "model.h5"]
 
 
 def test_processes_take_blocks_without_being_asked(tmp_path):
