@@ -143,8 +143,8 @@ TEST(Finding, ScopesAndFiles) {
   found.file = "run.csv";
   EXPECT_EQ(in_words(found), "run.csv: " + plain);
   found.file.clear();
-  found.scope = Finding::Scope::deciding_stretches;
-  EXPECT_EQ(in_words(found), "in the stretches of the data on which tokid made its choices, " + plain);
+  found.scope = Finding::Scope::first_steps;
+  EXPECT_EQ(in_words(found), "in the first steps, on which tokid made its choices, " + plain);
   found.scope = Finding::Scope::folds;
   found.numbers = {{"folds", 5.0}, {"folds_with", 2.0}};
   EXPECT_EQ(in_words(found), "cross-validation, 2 of 5 folds: " + plain);

@@ -4,12 +4,11 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <fstream>
 
 #include "io/formats/provenance_text.hpp"
-#include "large/choices_archive.hpp"
 #include "large/decide.hpp"
-#include "large/finding_archive.hpp"
 #include "large/reader.hpp"
 #include "members.hpp"
 #include "testing.hpp"
@@ -222,66 +221,58 @@ TEST_F(Stream, SameBytesForAnyNumberOfThreads) {
   }
 }
 
-struct SharedCase {
-  const char* name;
-  ExperimentOptions experiments;
-  IdentifyOptions options;
-  double mean_motion = 0.0;
-  double late_noise = 0.0;  // in the second half alone
-  bool em = false;          // EM is tried
-  bool outlier = false;     // the outputs of experiment 7 have another sign
-};
-
-// Three stretches. If the first one has no noise, it hands its lag order on, and the searches that other members have
-// begun by themselves do not count, except where there is noise.
-TEST_F(Stream, EveryNumberOfMembersDecidesAlike) {
-  const std::vector<SharedCase> cases{
-      {"no noise", {.experiments = 20, .seed = 21}, {}},
-      {"no noise, hold-out, mean motion", {.experiments = 30, .seed = 22}, {.hold_out = 0.25}, 5.0},
-      {"no noise in the first half", {.experiments = 16, .seed = 23}, {.states = 4, .refine = false}, 0.0, 0.05},
-      {"noise",
-       {.experiments = 12, .seed = 24, .measurement_noise = 0.05},
-       {.lags = 3, .smoothing = 1.0, .refine = false}},
-      {"EM",
-       {.experiments = 6, .seed = 25, .measurement_noise = 0.05},
-       {.states = 1, .lags = 1, .smoothing = 0.0},
-       0.0,
-       0.0,
-       true},
-      {"TVERA",
-       {.experiments = 40, .seed = 26, .measurement_noise = 0.05},
-       {.lags = 3, .method = Method::tvera},
-       0.0,
-       0.0,
-       false,
-       true}};
-  for (const SharedCase& c : cases) {
-    Ensemble e = experiments(slow_system(600), c.experiments);
-    Random random(27);
-    for (Index k = 0; k < e.steps(); ++k) {
-      e.input(k).array() += c.mean_motion * std::sin(0.1 * double(k));
-      e.output(k).array() += c.mean_motion;
-      if (2 * k > e.steps()) e.output(k) += c.late_noise * random.matrix(e.experiments(), e.outputs());
-    }
-    for (Index k = 0; c.outlier && k < e.steps(); ++k) e.output(k).row(7) *= -1;
+TEST_F(Stream, SameBytesForAnyNumberOfMembers) {
+  const auto bytes = [&] {
+    std::ifstream file(model(), std::ios::binary);
+    return std::string(std::istreambuf_iterator<char>(file), {});
+  };
+  for (const double noise : {0.0, 0.05}) {
+    const Ensemble e = experiments(slow_system(400), {.experiments = 30, .seed = 21, .measurement_noise = noise});
+    StreamOptions o;
+    o.identify.hold_out = 0.25;
+    o.identify.refine = false;
+    o.block = 200;
     const EnsembleFile file(data(e));
-    const stream::Decision alone = stream::decide(file, c.options, {});
-    EXPECT_EQ(alone.plan.nominal, c.mean_motion > 0) << c.name;
-    EXPECT_EQ(alone.plan.noisy, c.late_noise + c.experiments.measurement_noise > 0) << c.name;
-    EXPECT_EQ(alone.evidence.refinement.trials.size() > 1, c.em) << c.name;
-    EXPECT_EQ(alone.evidence.outliers.empty(), !c.outlier) << c.name;
-    for (const Index members : {3}) {
-      stream::Decision shared;
+    identify_stream(file, model(), o);
+    const std::string alone = bytes();
+    for (const Index members : {2, 3}) {
+      fs::remove(model());
       Threads(members).run([&](const Team& team) {
-        stream::Decision own = stream::decide(file, c.options, team);
-        if (team.rank == 0) shared = std::move(own);
+        StreamOptions own = o;
+        own.team = team;
+        identify_stream(file, model(), own);
       });
-      EXPECT_EQ(archive::packed(shared.plan), archive::packed(alone.plan)) << c.name << ", " << members;
-      EXPECT_EQ(archive::packed(shared.evidence), archive::packed(alone.evidence)) << c.name << ", " << members;
-      EXPECT_EQ(archive::packed(shared.evidence.findings), archive::packed(alone.evidence.findings)) << c.name;
-      EXPECT_EQ(archive::packed(shared.evidence.outliers), archive::packed(alone.evidence.outliers)) << c.name;
+      EXPECT_EQ(bytes(), alone) << noise << ", " << members;
     }
   }
+}
+
+TEST_F(Stream, TheFirstStepsDecide) {
+  Ensemble e = experiments(slow_system(900), {.experiments = 20, .seed = 22});
+  const EnsembleFile file(data(e));
+  const stream::Decision exact = stream::decide(file, {.frame = Frame::smooth, .hold_out = 0.25});
+  EXPECT_FALSE(exact.plan.noisy);
+  EXPECT_EQ(exact.plan.frame, Frame::smooth);
+  EXPECT_EQ(exact.evidence.experiments, 15);
+  EXPECT_LT(exact.evidence.steps, 900);
+
+  Random random(23);
+  for (Index k = 600; k < e.steps(); ++k) e.output(k) += 0.05 * random.matrix(e.experiments(), e.outputs());
+  const auto found = [](const Identification& i, Finding::Kind kind) {
+    return std::find_if(i.findings.begin(), i.findings.end(), [kind](const Finding& f) { return f.kind == kind; });
+  };
+  const Identification late = stream(e, 300).streamed.identification;
+  ASSERT_NE(found(late, Finding::Kind::exact_first_steps), late.findings.end());
+  EXPECT_EQ(found(late, Finding::Kind::exact_first_steps)->scope, Finding::Scope::all);
+
+  for (Index k = 0; k < 600; ++k) e.output(k) += 0.05 * random.matrix(e.experiments(), e.outputs());
+  for (Index k = 0; k < e.steps(); ++k) e.output(k).row(7) *= -1;
+  const Identification noisy = stream(e, 300, {.refine = false}).streamed.identification;
+  EXPECT_TRUE(noisy.plan.noisy);
+  ASSERT_EQ(noisy.outliers.size(), 1u);
+  EXPECT_EQ(noisy.outliers[0].experiment, 7);
+  ASSERT_NE(found(noisy, Finding::Kind::experiment_outlying), noisy.findings.end());
+  EXPECT_EQ(found(noisy, Finding::Kind::experiment_outlying)->scope, Finding::Scope::first_steps);
 }
 
 TEST_F(Stream, BlocksOfAutomaticLengthAreSharedEvenly) {

@@ -157,8 +157,8 @@ struct Finding {
     outputs_absent,  // no step of the data has outputs of the model
     simulated_from,  // detail: the state at the start; numbers: step
     // blocks and updates
-    exact_stretches,         // no noise in the stretches that decided the plan, but noise in other stretches
-    constant_stretches,      // numbers: smoothing
+    exact_first_steps,         // no noise in the first steps, which decide the plan, but noise in later ones
+    constant_first_steps,      // numbers: smoothing
     experiments_known,       // experiments; numbers: experiments
     state_without_digests,   // numbers: count
     update_noisy,            // the new data are noisy, but the plan is for data without noise
@@ -191,9 +191,8 @@ struct Finding {
     plan_ill_conditioned,       // numbers: windows, condition
     last = plan_ill_conditioned
   };
-  // The data and the work to which a finding belongs. deciding_stretches: the stretches of a long ensemble that decided
-  // its plan.
-  enum class Scope { all, deciding_stretches, new_experiments, cross_validation, folds };
+  // The data and the work to which a finding belongs. first_steps: those of a long ensemble, which decide its plan.
+  enum class Scope { all, first_steps, new_experiments, cross_validation, folds };
 
   Kind kind = Kind::reader_remark;
   Scope scope = Scope::all;

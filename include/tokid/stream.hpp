@@ -14,12 +14,10 @@
 namespace tokid {
 
 struct StreamOptions {
-  IdentifyOptions identify = {};     // options; empty ones are chosen from stretches at the beginning, middle and end
+  IdentifyOptions identify = {};     // options; empty ones are chosen from the first steps
   Index block = 0;                   // steps of a block; 0: as many as fit into memory_per_thread
   double memory_per_thread = 100e6;  // [bytes]
-  // The processes that share the stretches and the blocks. The model has the same bits for any number of them, and of
-  // threads.
-  Team team = {};
+  Team team = {};                    // the processes that share the blocks; any number of them gives the same bits
 };
 
 // The result of identify_stream(). Its model has no matrices, because the file has them. It has the state dimensions

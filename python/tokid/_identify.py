@@ -285,8 +285,7 @@ def identify_file(
     threads, progress
         As in `identify`.
     **options
-        Options of the identification, as in `identify`. Open choices are made from stretches at the begin, middle and
-        end.
+        Options of the identification, as in `identify`. Open choices are made from the first steps.
 
     Returns
     -------

@@ -154,8 +154,8 @@ class Finding(_Result):
     severity : {"note", "warning"}
         "note": an assumption replaced missing information. "warning": the data or the model may not be what the user
         expects.
-    scope : {"all", "deciding_stretches", "new_experiments", "cross_validation", "folds"}
-        Data that the finding is about. "deciding_stretches": those from which an identification in blocks makes its
+    scope : {"all", "first_steps", "new_experiments", "cross_validation", "folds"}
+        Data that the finding is about. "first_steps": those from which an identification in blocks makes its
         choices. "new_experiments": those of an update. "cross_validation", "folds": all experiments of a
         cross-validation, or the training data of its folds.
     channels : list of FindingChannel

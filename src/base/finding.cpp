@@ -171,8 +171,8 @@ std::string made_of(const Finding& f, const char* one, const char* several) {
 
 // What the identification does with copies and dependent experiments.
 std::string consequence(const Finding& f) {
-  if (f.scope == Finding::Scope::deciding_stretches)
-    return "An identification in blocks uses these experiments, too, so the cross-validation errors are too small. Delete these experiments from the data, or identify with --block all";
+  if (f.scope == Finding::Scope::first_steps)
+    return "An identification in blocks uses these experiments, too. Delete these experiments from the data, or identify with --block all";
   if (f.kind == Kind::experiments_copied) return f.experiments.size() == 1 ? "The copy is not used" : "The copies are not used";
   return f.experiments.size() == 1 ? "This experiment adds no information and is not used"
                                    : "These experiments add no information and are not used";
@@ -759,15 +759,15 @@ constexpr Entry table[] = {
            "the initial states are unknown: the simulation starts from the {} at step {}, where the model begins",
            f.detail, count(f, "step"));
      }},
-    {Kind::exact_stretches, "exact_stretches", warning,
+    {Kind::exact_first_steps, "exact_first_steps", warning,
      [](const Finding&) {
        return std::string(
-           "the stretches of the data on which tokid made its choices are free of noise, but other stretches are noisy. State --method subspace or --lags");
+           "the first steps, on which tokid made its choices, are free of noise, but later steps are noisy. State --method subspace or --lags");
      }},
-    {Kind::constant_stretches, "constant_stretches", note,
+    {Kind::constant_first_steps, "constant_first_steps", note,
      [](const Finding& f) {
        return fmt::format(
-           "the stretches of the data on which tokid made its choices show no variation over time, but the system may vary in the other stretches. tokid uses the smoothing lambda = {}",
+           "the first steps, on which tokid made its choices, show no variation over time, but the system may vary later. tokid uses the smoothing lambda = {}",
            figure(f, "smoothing"));
      }},
     {Kind::experiments_known, "experiments_known", note, [](const Finding& f) { return known(f); }},
@@ -924,8 +924,8 @@ const char* to_string(Severity severity) { return severity == Severity::note ? "
 
 const char* to_string(Finding::Scope scope) {
   switch (scope) {
-    case Finding::Scope::deciding_stretches:
-      return "deciding_stretches";
+    case Finding::Scope::first_steps:
+      return "first_steps";
     case Finding::Scope::new_experiments:
       return "new_experiments";
     case Finding::Scope::cross_validation:
@@ -946,8 +946,8 @@ std::string in_words(const Finding& finding) {
   const std::string text = finding.file.empty() ? entry(finding.kind).words(finding)
                                                 : finding.file + ": " + entry(finding.kind).words(finding);
   switch (finding.scope) {
-    case Finding::Scope::deciding_stretches:
-      return "in the stretches of the data on which tokid made its choices, " + text;
+    case Finding::Scope::first_steps:
+      return "in the first steps, on which tokid made its choices, " + text;
     case Finding::Scope::new_experiments:
       return fmt::format(
           "test of the old model on the new experiments: {}. Check that the new experiments are runs of the same system with the same channels",

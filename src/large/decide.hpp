@@ -1,4 +1,4 @@
-// Makes the choices of a stream from a few stretches of the record.
+// Makes the choices of a stream from the first steps of the record.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -7,13 +7,11 @@
 namespace tokid::stream {
 
 struct Decision {
-  Plan plan;
-  Identification evidence;  // of the stretch whose choices are used, with the plan and findings for all
+  Plan plan;                // for all blocks
+  Identification evidence;  // of the first steps, whose findings say so
 };
 
-// Every member of the team must call this function. The members share the stretches, and only the first one gets the
-// decision. It has the same bits for any number of members.
 // \throws std::invalid_argument as identify(), and for options that need all steps of the record at once
-Decision decide(const EnsembleFile& data, const IdentifyOptions& options, const Team& team);
+Decision decide(const EnsembleFile& data, const IdentifyOptions& options);
 
 }  // namespace tokid::stream

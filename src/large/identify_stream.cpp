@@ -144,8 +144,10 @@ class Record {
     return file_.experiments() - held;
   }
 
+  // A finding about all steps replaces those of the same kind about the first steps.
   void report(Identification& result, const Model& model) const {
-    const auto add = [&result](Findings more) { append(result.findings, std::move(more)); };
+    Findings of_all;
+    const auto add = [&of_all](Findings more) { append(of_all, std::move(more)); };
     add(findings_of_inputs(samples_, file_.names()));
     add(findings_of_outputs(samples_, file_.names()));
     if (layout_.plan.coupled) {
@@ -156,12 +158,16 @@ class Record {
                       {result.experiments, result.experiments - spent, file_.inputs(), file_.outputs(),
                        layout_.plan.lags, layout_.plan.feedthrough.present},
                       layout_.plan.noisy));
-      if (!layout_.plan.noisy && regressions_.noisy()) add({{.kind = Finding::Kind::exact_stretches}});
+      if (!layout_.plan.noisy && regressions_.noisy()) add({{.kind = Finding::Kind::exact_first_steps}});
     }
     add(findings_of_absent_states(model));
     add(findings_of_begin(model));
     add(findings_of_gains(model));
     add(findings_of_fit(result.validation.one_step.fit, file_.names()));
+    std::erase_if(result.findings, [&](const Finding& first) {
+      return std::any_of(of_all.begin(), of_all.end(), [&](const Finding& all) { return all.kind == first.kind; });
+    });
+    append(result.findings, std::move(of_all));
   }
 
   const EnsembleFile& file_;
@@ -212,8 +218,9 @@ Streamed identify_stream(const EnsembleFile& file, const std::filesystem::path& 
   std::optional<ModelFile> model;
   if (team.rank == 0) model.emplace(path);
   if (file.inputs() == 0) throw std::invalid_argument("ensemble: 0 inputs found, at least one needed");
-  stream::Decision decision = stream::decide(file, options.identify, team);
-  // All processes use exactly the decision of the first process.
+  stream::Decision decision;
+  if (team.rank == 0) decision = stream::decide(file, options.identify);
+  // All processes use the plan of the first process.
   const std::string plan = team.broadcast(archive::packed(decision.plan));
   const BlockLayout layout = layout_of(file, options, archive::unpacked<Plan>(plan));
   std::optional<Record> record;

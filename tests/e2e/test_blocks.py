@@ -112,7 +112,7 @@ def test_memory_does_not_grow_with_time(tokid, tmp_path):
         peaks.append(peak_memory([tokid.executable, "identify", path, "-o", tmp_path / "model.h5", "--block", "200",
                                   "--quiet"]))
     assert peaks[1] < 1.2 * peaks[0]
-    assert peaks[1] < 200_000  # kB: the stretches that decide have 16 MB each
+    assert peaks[1] < 200_000  # kB: the first steps, which decide, have 16 MB
 
 
 @pytest.mark.skipif("TOKID_SANITIZED" in os.environ, reason="sanitizers keep what is freed for a while")
@@ -229,4 +229,4 @@ def test_a_wrong_experiment_is_told_without_noise(tokid, tmp_path):
         file["y"][7] *= -1
     found = tokid.json(*call)
     assert [other["experiment"] for other in found["outliers"]] == [7]
-    assert any("in the stretches of the data on which tokid made its choices, experiment 7 does not fit the other experiments" in text for text in found["warnings"])
+    assert any("in the first steps, on which tokid made its choices, experiment 7 does not fit the other experiments" in text for text in found["warnings"])

@@ -46,7 +46,7 @@ def said_by_tokid(errors):
 @pytest.mark.parametrize("noise, options", [(0.0, ["--block", "70"]), (0.1, ["--block", "300", "--lags", "2", "--states", "2", "--no-refine"])],
                          ids=["exact", "noisy"])
 def test_every_number_of_processes_writes_the_same_file(tmp_path, noise, options):
-    """They share the stretches that decide, and the blocks."""
+    """They share the blocks."""
     data = write_ensemble(tmp_path / "data.h5", steps=900, noise=noise)
     alone = tmp_path / "alone.h5"
     subprocess.run([os.environ["TOKID"], "identify", data, "-o", alone, "--quiet", *options], check=True)
