@@ -93,7 +93,7 @@ RegressionErrors::Found best_regression(const Rivals& rivals, const RegressionEr
 }
 
 bool surely_smaller(const HeldOutError& regression, const HeldOutError& model) {
-  constexpr double standard_errors = 2.0;
+  constexpr double standard_errors = 1.0;
   return clearly_smaller(regression, model, standard_errors);
 }
 

@@ -28,7 +28,7 @@ struct Rivals {
 RegressionErrors::Found best_regression(const Rivals& rivals, const RegressionErrors& errors,
                                         const std::vector<Squares>& of_models);
 
-// Does the regression predict better by two standard errors? It often predicts as well as a model, and a second search
+// Does the regression predict better by one standard error? It often predicts as well as a model, and a second search
 // takes much time.
 bool surely_smaller(const HeldOutError& regression, const HeldOutError& model);
 
