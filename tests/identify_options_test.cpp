@@ -113,7 +113,7 @@ TEST(Provenance, ReturnsFromItsText) {
         .experiments = 30,
         .data = {"97d64adfcd832056", "a"},
         .dt_stated = false,
-        .choices = NoisyChoices{{smoothing, 4, {2, 9}}, 0.1, Weighting::projection, smoothing, 3.0, 7, {0, 7}},
+        .choices = NoisyChoices{{smoothing, 4, {2, 9}}, 0.1, Weighting::projection, smoothing, 7, {0, 7}},
         .refinement = EmRun{smoothing, 12},
         .corrections = {{{"7", 0.5}}, {}},
         .feedthrough = FeedthroughChoice{false, FeedthroughChoice::Reason::no_response}};
@@ -132,7 +132,6 @@ TEST(Provenance, ReturnsFromItsText) {
     EXPECT_EQ(choices->state_smoothing, 0.1);
     EXPECT_EQ(choices->weighting, Weighting::projection);
     EXPECT_EQ(choices->refinement_smoothing, smoothing);
-    EXPECT_EQ(choices->refinement_first, 3.0);
     EXPECT_EQ(choices->refinement_iterations, 7);
     EXPECT_EQ(choices->variation.jumps, written.choices->variation.jumps);
     EXPECT_EQ(choices->delays, written.choices->delays);

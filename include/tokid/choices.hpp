@@ -43,8 +43,6 @@ struct OrderScores {
   // The mean of the three logs, with weight 3 for one_step, plus the penalty for the states.
   double mean(size_t i) const;
   void choose();
-  // The fewest states, at most `best`, whose error exceeds the smallest one by no more than this factor.
-  Index fewest_within(double factor) const;
 };
 
 // One trial in the cross-validation of EM.
@@ -72,12 +70,11 @@ struct AheadCertainty {
 // The choice between all trials, by the log-likelihood of the held-out experiments. Filled if EM was tried.
 struct RefinementChoice {
   std::vector<RefinementTrial> trials;
-  // n: OrderScores::best, or another number that EM tried: fewer states that suffice, or more that raise the likelihood
-  // significantly. The first trial is the subspace model with OrderScores::best.
+  // n: OrderScores::best, or fewer states that suffice with EM. The first trial is the subspace model with
+  // OrderScores::best.
   Index states = 0;
   double smoothing = 0.0;
-  double first_smoothing = 0.0;  // λ with which EM begins, as in NoisyChoices::refinement_first
-  Index iterations = 0;          // most iterations of EM; 0: no refinement
+  Index iterations = 0;  // most iterations of EM; 0: no refinement
   double error = 0.0;
   double one_step = 0.0;                             // log of the one-step error alone; set if there are iterations
   std::vector<Jump> jumps = {};                      // ascending

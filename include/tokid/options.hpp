@@ -55,8 +55,6 @@ struct NoisyChoices {
   double state_smoothing = 0.0;  // λ of the regressions on states
   Weighting weighting = Weighting::one_step;
   double refinement_smoothing = 0.0;  // λ of EM
-  // λ with which EM begins, if steps do not share their matrices. 0: with a warm-up and its own λ
-  double refinement_first = 0.03;
   Index refinement_iterations = 0;  // 0: no refinement
   std::vector<Index> delays = {};   // as in IdentifyOptions
 };

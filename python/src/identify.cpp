@@ -118,7 +118,6 @@ NoisyChoices choices_of(nb::handle choices) {
   set_option(options, "weighting", choices.attr("weighting"));
   result.weighting = options.weighting.value_or(Weighting::one_step);
   result.refinement_smoothing = number(choices, "refinement_smoothing");
-  result.refinement_first = number(choices, "refinement_first");
   result.refinement_iterations = nb::cast<Index>(choices.attr("refinement_iterations"));
   result.delays = nb::cast<std::vector<Index>>(choices.attr("delays"));
   return result;

@@ -314,7 +314,6 @@ nb::any object_of(const NoisyChoices& c) {
                                {"state_smoothing", c.state_smoothing},
                                {"weighting", name(c.weighting)},
                                {"refinement_smoothing", c.refinement_smoothing},
-                               {"refinement_first", c.refinement_first},
                                {"refinement_iterations", c.refinement_iterations},
                                {"jumps", c.variation.jumps},
                                {"delays", c.delays}});

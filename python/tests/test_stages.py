@@ -149,7 +149,7 @@ def test_chain_of_subspace_and_em_has_the_bits_of_identify(noisy, period, initia
 
     # The first stage of EM: 3 iterations, or 10 if steps share a model.
     iterations, smoothing = 10 if period else 3, 0.0 if period == 1 else 3.0
-    choices = replace(found.choices, refinement_smoothing=smoothing, refinement_first=0.0, refinement_iterations=iterations)
+    choices = replace(found.choices, refinement_smoothing=smoothing, refinement_iterations=iterations)
     model = identified(data, choices=choices, **options)
     assert model.identification.refinement.iterations == iterations
     with pytest.warns(tokid.TokidWarning, match="EM has not converged"):

@@ -540,8 +540,6 @@ class NoisyChoices(_Result):
     weighting : {"one-step", "many-steps", "projection"}
     refinement_smoothing : float
         λ of EM.
-    refinement_first : float
-        λ with which EM begins, if steps do not share their matrices. 0: with a warm-up and its own λ.
     refinement_iterations : int
         Iterations of EM. 0: no refinement.
     jumps : list of int
@@ -554,7 +552,6 @@ class NoisyChoices(_Result):
     state_smoothing: float
     weighting: str
     refinement_smoothing: float
-    refinement_first: float
     refinement_iterations: int
     jumps: list[int]
     delays: list[int]

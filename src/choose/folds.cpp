@@ -58,14 +58,6 @@ void OrderScores::choose() {
   }
 }
 
-Index OrderScores::fewest_within(double factor) const {
-  double least = std::numeric_limits<double>::infinity();  // `smallest` may be that of another λ
-  for (size_t i = 0; i < states.size(); ++i) least = std::min(least, mean(i));
-  for (size_t i = 0; i < states.size() && states[i] < best; ++i)
-    if (mean(i) <= least + std::log(factor)) return states[i];
-  return best;
-}
-
 Model of_departures(Model model, const Ensemble& data) {
   model.y_nominal = Matrix::Zero(data.steps(), data.outputs());
   model.u_nominal = Matrix::Zero(data.steps(), data.inputs());

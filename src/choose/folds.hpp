@@ -43,19 +43,14 @@ Ensemble ahead_by(Model model, const Ensemble& data, InitialState initial);
 Errors errors_of(Computed computed, const Ensemble& data, const Vector& weights, const Computed* like = nullptr);
 
 // Goes on with EM from the end of one stage to that of another, in the same stages as cross-validation has. The last
-// stage is repeated if needed. `from`, `to`: iterations. `first`: λ with which EM begins.
-Model refined(Model model, const Ensemble& data, Index from, Index to, const RefineOptions& options, double first);
+// stage is repeated if needed. `from`, `to`: iterations.
+Model refined(Model model, const Ensemble& data, Index from, Index to, const RefineOptions& options);
 // The number of steps that EM uses: all, unless the steps share their matrices and a part has enough samples for these.
 Index refined_steps(const Ensemble& data, Index period);
 // The iterations at the end of the next stage.
-Index next_stage_end(Index iterations, const RefineOptions& options, double first);
+Index next_stage_end(Index iterations, const RefineOptions& options);
 // Was EM best after so few iterations that more are not tried?
-bool stopped_early(Index iterations, const RefineOptions& options, double first);
-
-// The range of numbers of states to choose from.
-struct OrderRange {
-  Index fewest = 1, most = 1;
-};
+bool stopped_early(Index iterations, const RefineOptions& options);
 
 struct RefinementOfFolds {
   RefinementChoice choice;
@@ -87,18 +82,16 @@ class Folds {
   std::vector<Model> models_of(const OrderScores& scores) const;
   // Of the predictions by these models of the first folds, of the experiments that each fold holds out.
   std::vector<Squares> squares(const std::vector<Model>& models, const Ahead& ahead) const;
-  // Chooses n, the λ of EM and its iterations by the likelihood and the errors of held-out experiments. EM starts from
-  // subspace models with the weighting of the scores. It begins with the fewest states that have nearly the smallest
-  // error, and keeps them if `states` are not better. More states than `states` must raise the likelihood
-  // significantly. Fewer must not reduce it significantly, and one number that fails is passed over. `smoothing`: the λ
-  // of EM, if it is stated. `work` counts iterations of one fold.
-  RefinementOfFolds choose_refinement(Index states, const OrderRange& orders, const OrderScores& scores,
+  // Chooses the λ of EM and its iterations by the likelihood and the errors of held-out experiments. EM starts from
+  // subspace models with the weighting of the scores. `or_fewer`: fewer states are used if they reduce neither
+  // significantly; one number that fails is passed over. `smoothing`: the λ of EM, if it is stated. `work` counts
+  // iterations of one fold.
+  RefinementOfFolds choose_refinement(Index states, bool or_fewer, const OrderScores& scores,
                                       std::optional<double> smoothing, SearchProgress& work) const;
 
  private:
   class Likelihood;
   class RefinementSearch;
-  class OrderSearch;
   struct Fold {
     Split data;
     GtvArx arx;

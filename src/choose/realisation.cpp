@@ -139,18 +139,17 @@ struct Refined {
 Refined refined_by(const Plan& plan, const Ensemble& data, const Model& begun, const Computed& like, double expected,
                    const Execution& execution) {
   RefineOptions options = refine_options(plan, execution);
-  const double first = plan.choices.refinement_first;
   const auto after = [&](const Model& model, Index from, Index to) {
-    Refined result{refined(model, data, from, to, options, first), {}, to};
+    Refined result{refined(model, data, from, to, options), {}, to};
     result.errors = errors_of(computed_by(result.model, data, plan.initial_state, 0), data, plan.output_weights, &like);
     return result;
   };
   const Index planned = plan.choices.refinement_iterations;
   Refined now = after(begun, 0, planned), best = now;
   if (plan.choices.variation.period > 0) return best;
-  const double limit = expected + std::log(stopped_early(planned, options, first) ? tolerated : as_expected);
+  const double limit = expected + std::log(stopped_early(planned, options) ? tolerated : as_expected);
   while (now.errors.one_step > limit && now.iterations < most_iterations) {
-    now = after(now.model, now.iterations, next_stage_end(now.iterations, options, first));
+    now = after(now.model, now.iterations, next_stage_end(now.iterations, options));
     if (now.errors.one_step < best.errors.one_step && now.errors.mean() < best.errors.mean()) best = now;
   }
   return now.errors.one_step > limit ? best : now;
@@ -182,7 +181,6 @@ void refine_if_better(const Ensemble& data, const GtvArx& arx, const RefinementC
     plan.states = choice.states;
     plan.choices.state_smoothing = smoothing;
     plan.choices.refinement_smoothing = choice.smoothing;
-    plan.choices.refinement_first = choice.first_smoothing;
     plan.choices.refinement_iterations = choice.iterations;
     Refined found;
     try {
@@ -304,10 +302,8 @@ ChosenByFolds chosen_by_folds(BegunByFolds begun, const std::vector<Squares>& of
   result.start = with_first_steps(result.start, data, plan.initial_state, options.execution.threads);
   // A stated λ is the λ of the ARX model, not of EM. Only a stated λ of 0 is also the λ of EM.
   const std::optional<double> stated = options.smoothing == 0.0 ? options.smoothing : std::nullopt;
-  const OrderRange orders =
-      options.states ? OrderRange{plan.states, plan.states} : OrderRange{1, plan.lags * data.outputs()};
   if (before_em) before_em(result.start, plan);
-  result.refinement = begun.folds.choose_refinement(plan.states, orders, begun.scores, stated, work);
+  result.refinement = begun.folds.choose_refinement(plan.states, !options.states, begun.scores, stated, work);
   if (ahead) result.squares = begun.folds.squares(result.refinement->models, *ahead);
   return result;
 }
@@ -525,7 +521,6 @@ Realised realised(Ensemble&& data, const Selection& selection, Regressed& regres
 Model realised_as(const Ensemble& data, GtvArx arx, const Plan& plan, const Execution& execution) {
   constexpr double until_em = 0.1;  // share of the work
   const Index iterations = plan.choices.refinement_iterations;
-  const double first = plan.choices.refinement_first;
   Model model = realise(data, std::move(arx), data.free, plan, share(execution, 0.0, iterations > 0 ? until_em : 1.0));
   if (iterations == 0) return model;
   RefineOptions options = refine_options(plan, execution);
@@ -534,7 +529,7 @@ Model realised_as(const Ensemble& data, GtvArx arx, const Plan& plan, const Exec
     options.execution.progress = [&, report = share(execution, until_em, 1.0).progress](const ProgressReport&) {
       report({.share = std::min(1.0, ++done / double(iterations))});
     };
-  return refined(std::move(model), data, 0, iterations, options, first);
+  return refined(std::move(model), data, 0, iterations, options);
 }
 
 }  // namespace tokid

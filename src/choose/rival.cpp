@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "base/statistics.hpp"
+#include "choose/folds.hpp"
 #include "data/rows.hpp"
 
 namespace tokid {
@@ -94,7 +95,8 @@ RegressionErrors::Found best_regression(const Rivals& rivals, const RegressionEr
 
 bool surely_smaller(const HeldOutError& regression, const HeldOutError& model) {
   constexpr double standard_errors = 1.0;
-  return clearly_smaller(regression, model, standard_errors);
+  return regression.value < model.value - std::log(most_uncertain) &&
+         clearly_smaller(regression, model, standard_errors);
 }
 
 bool far_smaller(const HeldOutError& regression, const HeldOutError& model) {

@@ -28,8 +28,7 @@ struct Rivals {
 RegressionErrors::Found best_regression(const Rivals& rivals, const RegressionErrors& errors,
                                         const std::vector<Squares>& of_models);
 
-// Does the regression predict better by one standard error? It often predicts as well as a model, and a second search
-// takes much time.
+// Does the regression predict better by one standard error, and by `most_uncertain`, since it has many states?
 bool surely_smaller(const HeldOutError& regression, const HeldOutError& model);
 
 // By far more than that: by a factor too.

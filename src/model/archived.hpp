@@ -48,8 +48,7 @@ void fields(Archive& archive, V& v) {
 template <class Archive, class C>
 requires std::is_same_v<std::remove_const_t<C>, NoisyChoices>
 void fields(Archive& archive, C& c) {
-  archive(c.variation, c.state_smoothing, c.weighting, c.refinement_smoothing, c.refinement_first,
-          c.refinement_iterations, c.delays);
+  archive(c.variation, c.state_smoothing, c.weighting, c.refinement_smoothing, c.refinement_iterations, c.delays);
 }
 
 template <class Archive, class C>

@@ -37,7 +37,6 @@ Json json_of(const NoisyChoices& choices) {
           {"state_smoothing", penalty(choices.state_smoothing)},
           {"weighting", weighting_option().write(with_weighting)},
           {"refinement_smoothing", penalty(choices.refinement_smoothing)},
-          {"refinement_first", choices.refinement_first},
           {"refinement_iterations", choices.refinement_iterations},
           {"jumps", choices.variation.jumps},
           {"delays", choices.delays}};
@@ -94,13 +93,10 @@ std::optional<NoisyChoices> choices_of(const Json& json) {
   const Json delays = at("delays");
   if (delays.is_array() && !delays.empty()) find_option("delays")->read(others, delays);
   if (!smoothing || !states || !em || !period || !iterations || !others.weighting) return std::nullopt;
-  // Nor have they the λ with which EM begins.
-  const double first = penalty(at("refinement_first")).value_or(NoisyChoices{}.refinement_first);
   return NoisyChoices{{*smoothing, *period, others.jumps.value_or(std::vector<Index>{})},
                       *states,
                       *others.weighting,
                       *em,
-                      first,
                       *iterations,
                       others.delays.value_or(std::vector<Index>{})};
 }
