@@ -190,7 +190,7 @@ asan tsan:
 
 # Left out: what measures time and memory, kills the tool, or starts it from other programs; and what would take hours
 # for numerics that the others reach too. Each call takes two seconds to begin.
-not_ground := blocks faults hostile mpi octave performance release resume sbom terminal docs examples noise pendubot
+not_ground := blocks faults hostile mpi octave performance release sbom terminal docs examples noise pendubot
 ground     := $(filter-out $(not_ground:%=tests/e2e/test_%.py),$(wildcard tests/e2e/test_*.py))
 
 valgrind: build

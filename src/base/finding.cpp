@@ -172,7 +172,7 @@ std::string made_of(const Finding& f, const char* one, const char* several) {
 // What the identification does with copies and dependent experiments.
 std::string consequence(const Finding& f) {
   if (f.scope == Finding::Scope::first_steps)
-    return "An identification in blocks uses these experiments, too. Delete these experiments from the data, or identify with --block all";
+    return "An identification in blocks uses these experiments, too. If they agree at all steps, delete them from the data, or identify with --block all";
   if (f.kind == Kind::experiments_copied) return f.experiments.size() == 1 ? "The copy is not used" : "The copies are not used";
   return f.experiments.size() == 1 ? "This experiment adds no information and is not used"
                                    : "These experiments add no information and are not used";

@@ -50,7 +50,10 @@ Ensemble first_steps(const EnsembleFile& file, const IdentifyOptions& o) {
 }
 
 // Do the first steps show no variation over time?
-bool is_constant(const Plan& plan) { return plan.coupled && plan.choices.variation.period > 0; }
+bool is_constant(const Plan& plan) {
+  const TimeVariation& variation = plan.choices.variation;
+  return plan.coupled && (variation.period > 0 || std::isinf(variation.smoothing));
+}
 
 Plan of_blocks(const Identification& found, const Ensemble& data, const IdentifyOptions& options) {
   Plan plan = found.plan;
@@ -80,12 +83,19 @@ Decision decide(const EnsembleFile& file, const IdentifyOptions& options) {
   result.evidence = identify(data, o);
   result.plan = of_blocks(result.evidence, data, options);
   Findings& findings = result.evidence.findings;
+  // The blocks vary if the first steps do not, and the steps after them may have what these lack.
+  std::erase_if(findings, [&](const Finding& f) {
+    return f.kind == Finding::Kind::no_variation || f.kind == Finding::Kind::experiments_empty ||
+           (f.kind == Finding::Kind::experiments_end_early && data.steps() < file.steps());
+  });
   const Findings of_file = remarks(data);
   for (Finding& finding : findings)
     if (std::none_of(of_file.begin(), of_file.end(), [&](const Finding& f) { return same_words(f, finding); }))
       finding.scope = Finding::Scope::first_steps;
-  if (is_constant(result.evidence.plan))
+  if (is_constant(result.evidence.plan)) {
+    result.evidence.refinement = {};
     findings.push_back({.kind = Finding::Kind::constant_first_steps, .numbers = {{"smoothing", stiff}}});
+  }
   result.evidence.plan = result.plan;
   return result;
 }

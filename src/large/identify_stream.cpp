@@ -8,6 +8,7 @@
 #include <cmath>
 #include <map>
 #include <stdexcept>
+#include <utility>
 
 #include "base/integers.hpp"
 #include "base/statistics.hpp"
@@ -114,7 +115,8 @@ class Record {
     result.singular_value_gap = statistics::median(std::move(gaps_));
     result.condition_max = regressions_.condition_max;
     result.rank_deficient_steps = regressions_.rank_deficient;
-    result.validation = {};
+    Validation of_first_steps = std::exchange(result.validation, {});
+    result.validation.outlying = std::move(of_first_steps.outlying);
     result.validation.noisy = layout_.plan.noisy;
     result.validation.one_step = result.validation.horizon = fit_of(errors_.one_step, plan.nominal);
     result.validation.simulation = fit_of(errors_.simulation, plan.nominal);
@@ -165,7 +167,8 @@ class Record {
     add(findings_of_gains(model));
     add(findings_of_fit(result.validation.one_step.fit, file_.names()));
     std::erase_if(result.findings, [&](const Finding& first) {
-      return std::any_of(of_all.begin(), of_all.end(), [&](const Finding& all) { return all.kind == first.kind; });
+      return first.scope == Finding::Scope::first_steps &&
+             std::any_of(of_all.begin(), of_all.end(), [&](const Finding& all) { return all.kind == first.kind; });
     });
     append(result.findings, std::move(of_all));
   }

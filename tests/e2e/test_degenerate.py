@@ -633,5 +633,5 @@ def test_streams_tell_of_copies_that_they_use(tokid, tmp_path):
     with h5py.File(tmp_path / "data.h5", "w") as file:
         file["u"], file["y"], file["initial_state"] = u, y, "zero"
     assert ("in the first steps, on which tokid made its choices, 1 of 40 experiments is a copy of another experiment, within rounding: experiment 7 of experiment 3. An identification in "
-            "blocks uses these experiments, too. Delete these experiments from the data, or identify with --block all") in messages(
+            "blocks uses these experiments, too. If they agree at all steps, delete them from the data, or identify with --block all") in messages(
                 tokid, ["identify", tmp_path / "data.h5", "-o", tmp_path / "model.h5", "--block", 400])
