@@ -83,9 +83,9 @@ class Folds {
   // Of the predictions by these models of the first folds, of the experiments that each fold holds out.
   std::vector<Squares> squares(const std::vector<Model>& models, const Ahead& ahead) const;
   // Chooses the λ of EM and its iterations by the likelihood and the errors of held-out experiments. EM starts from
-  // subspace models with the weighting of the scores. `or_fewer`: fewer states are used if they reduce neither
-  // significantly; one number that fails is passed over. `smoothing`: the λ of EM, if it is stated. `work` counts
-  // iterations of one fold.
+  // subspace models with the weighting of the scores. `or_fewer`: fewer states are used if the likelihood is
+  // hardly lower and the errors are at most `most_uncertain` larger. One number that fails is passed over. `smoothing`:
+  // the λ of EM, if it is stated. `work` counts iterations of one fold.
   RefinementOfFolds choose_refinement(Index states, bool or_fewer, const OrderScores& scores,
                                       std::optional<double> smoothing, SearchProgress& work) const;
 

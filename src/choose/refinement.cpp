@@ -6,8 +6,7 @@
 #include <numeric>
 #include <utility>
 
-#include <fmt/format.h>
-
+#include "base/statistics.hpp"
 #include "base/words.hpp"
 #include "choose/ahead_errors.hpp"
 #include "choose/first_steps.hpp"
@@ -20,12 +19,17 @@ namespace tokid {
 namespace {
 
 // An attempt may have smaller errors than the likeliest one if its likelihood is lower by less than `significant`
-// standard errors. The search for λ goes on while the likelihood rises by more than `noticeable` ones.
+// standard errors. The search for λ goes on while the likelihood rises by more than `noticeable` ones. Fewer states may
+// lower it by less than that.
 constexpr double significant = 2.0, noticeable = 1.0;
 const double half_decade = std::sqrt(10.0);
 // A usual λ of EM, bounds of the first λ of a search, and the largest λ. With a larger one EM does not converge in
 // these stages.
 constexpr double usual = 3.0, first_least = 1e-2, first_most = 1e2, largest = 320.0;
+// The most half decades that a search goes in one direction.
+constexpr Index most_moves = 6;
+// Attempts whose errors are larger by this factor are given up.
+constexpr double hopeless = 2.0;
 // The search comes to a λ on several ways, with different rounding errors.
 bool same_smoothing(double a, double b) { return std::abs(a - b) <= 1e-6 * std::max(a, b); }
 
@@ -64,10 +68,6 @@ Model refined_in(const Stage& stage, const Model& start, const Ensemble& data, s
   o.warm_up = stage.warm_up;
   return em::refine(start, data, samples, o).model;
 }
-// The most half decades that a search goes in one direction.
-constexpr Index most_moves = 6;
-// Attempts whose errors are larger by this factor than those without EM are given up.
-constexpr double hopeless = 2.0;
 
 }  // namespace
 
@@ -94,6 +94,12 @@ class Folds::Likelihood {
     for (size_t i = 0; i < of_experiment_.size(); ++i)
       square += std::pow(of_experiment_[i] - other.of_experiment_[i] - difference / count, 2);
     return difference / std::sqrt(std::max(square * count / std::max(1.0, count - 1), 1e-300));
+  }
+
+  bool surely_below(const Likelihood& other) const {
+    constexpr double probability = 1e-3;  // of giving up one that is as likely
+    const double freedom = double(of_experiment_.size()) - 1.0;
+    return freedom > 0 && advantage(other) < -statistics::student_quantile(1 - probability, freedom);
   }
 
  private:
@@ -162,10 +168,34 @@ class Folds::RefinementSearch {
       attempt(*smoothing);
     else
       search();
+    finish();
+  }
+
+  // EM with the λ of a search with more states. It is given up at the end of a stage that leaves it no chance against
+  // them, and goes on if it does not suffice yet.
+  void run_beside(const RefinementSearch& more) {
+    work_.begin(words::plural(choice_.states, "state"));
+    tried_.push_back(more.smoothing());
+    Attempt now{more.smoothing(), 0, {}, {}, starts_};
+    for (const Stage& stage : schedule().first) {
+      keep(now = refined(std::move(now), stage));
+      if (more.excludes(now)) return attempts_.clear();
+    }
+    if (!suffices_for(more)) finish();
+  }
+
+  // The further stages of the best attempt, if EM has not been best before.
+  void finish() {
     if (lost()) attempts_.clear();
     if (attempts_.empty()) return;
     if (!folds_.pooled()) drop_needless_jumps();
-    continue_best();
+    Attempt now = *chosen();
+    const Schedule stages = schedule();
+    const Index first_end = stages.until_first_end();
+    const bool farther = std::any_of(attempts_.begin(), attempts_.end(),
+                                     [first_end](const Attempt& a) { return a.iterations > first_end; });
+    if (farther || now.iterations < first_end) return;
+    for (const Stage& stage : stages.last) keep(now = refined(std::move(now), stage));
   }
 
   const std::vector<Index>& jumps() const { return jumps_; }
@@ -226,6 +256,15 @@ class Folds::RefinementSearch {
            std::max(gain, from_start) >= std::log(worth_it);
   }
 
+  // Is the attempt clearly worse than the one with the same λ and as many iterations?
+  bool excludes(const Attempt& fewer) const {
+    return std::any_of(attempts_.begin(), attempts_.end(), [&](const Attempt& own) {
+      return same_smoothing(own.smoothing, fewer.smoothing) && own.iterations == fewer.iterations &&
+             (folds_.pooled() ? fewer.error() > own.error() + std::log(hopeless)
+                              : fewer.likelihood.surely_below(own.likelihood));
+    });
+  }
+
   const Attempt* least_error() const {
     const auto smaller = [](const Attempt& a, const Attempt& b) { return a.error() < b.error(); };
     return &*std::min_element(attempts_.begin(), attempts_.end(), smaller);
@@ -265,8 +304,7 @@ class Folds::RefinementSearch {
     // The λ of the ARX model may be far from the best λ of EM. The likelihood may then have a second maximum.
     if (std::abs(std::log10(best / usual)) > 0.9)
       if (Likelihood found = attempt(usual); found.advantage(most) > noticeable) most = std::move(found), best = usual;
-    if (lost()) return;
-    climb(best, std::move(most));
+    if (!lost()) climb(best, std::move(most));
     approach_start();
   }
 
@@ -308,19 +346,23 @@ class Folds::RefinementSearch {
   // Of jumps at two successive steps, the matrices need both only if the likelihood is significantly lower with one.
   void drop_needless_jumps() {
     for (size_t i = 0; i + 1 < jumps_.size();) {
-      const Attempt both = *chosen();
+      if (jumps_[i] + 1 != jumps_[i + 1]) {
+        ++i;
+        continue;
+      }
+      const double smoothing = chosen()->smoothing;
+      const Likelihood both = attempt(smoothing);
       const std::vector<Index> all = jumps_;
       std::optional<Attempt> best;
       std::vector<Index> needed;
       for (const size_t without : {i, i + 1}) {
-        if (all[i] + 1 != all[i + 1]) break;
         jumps_ = all;
         jumps_.erase(jumps_.begin() + std::ptrdiff_t(without));
-        Attempt one{both.smoothing, 0, {}, {}, starts_};
+        Attempt one{smoothing, 0, {}, {}, starts_};
         for (const Stage& stage : schedule().first) one = refined(std::move(one), stage);
         if (!best || one.likelihood.sum() > best->likelihood.sum()) best = std::move(one), needed = jumps_;
       }
-      if (best && best->likelihood.advantage(both.likelihood) > -significant) {
+      if (best && best->likelihood.advantage(both) > -significant) {
         jumps_ = std::move(needed);
         attempts_ = {std::move(*best)};
       } else {
@@ -332,14 +374,6 @@ class Folds::RefinementSearch {
 
   Schedule schedule() const { return schedule_of(options(0.0)); }
 
-  // The further stages, if EM has not been best before.
-  void continue_best() {
-    Attempt now = *chosen();
-    const Schedule stages = schedule();
-    if (now.iterations < stages.until_first_end()) return;
-    for (const Stage& stage : stages.last) keep(now = refined(std::move(now), stage));
-  }
-
   // EM with this λ, from the subspace models, unless it was tried before. Returns the largest log-likelihood of the
   // held-out experiments.
   Likelihood attempt(double smoothing) {
@@ -347,7 +381,10 @@ class Folds::RefinementSearch {
     if (std::none_of(tried_.begin(), tried_.end(), same)) {
       tried_.push_back(smoothing);
       Attempt now{smoothing, 0, {}, {}, starts_};
-      for (const Stage& stage : schedule().first) keep(now = refined(std::move(now), stage));
+      for (const Stage& stage : schedule().first) {
+        keep(now = refined(std::move(now), stage));
+        if (!attempts_.empty() && now.error() > least_error()->error() + std::log(hopeless)) break;
+      }
     }
     Likelihood most;
     for (const Attempt& a : attempts_)
@@ -451,12 +488,13 @@ RefinementOfFolds Folds::choose_refinement(Index states, bool or_fewer, const Or
   if (or_fewer && plain->helps())
     for (Index n = states - 1, failed = 0; n > 0 && failed < 2; --n) {
       const std::shared_ptr<RefinementSearch> fewer = begun(n, best->jumps());
-      fewer->run(best->smoothing());
+      fewer->run_beside(*best);
       if (fewer->suffices_for(*best))
         best = fewer, failed = 0;
       else
         ++failed;
     }
+  best->finish();
   std::optional<RefinementOfFolds> result = best->better_than(*plain);
   if (!result && best != plain) result = plain->better_than(*plain);
   if (!result) result = plain->without_em();
