@@ -188,13 +188,14 @@ class Folds::RefinementSearch {
   void finish() {
     if (lost()) attempts_.clear();
     if (attempts_.empty()) return;
+    const Index first_end = schedule().until_first_end();
+    if (std::any_of(attempts_.begin(), attempts_.end(),
+                    [first_end](const Attempt& a) { return a.iterations > first_end; }))
+      return;  // it was called before
     if (!folds_.pooled()) drop_needless_jumps();
     Attempt now = *chosen();
     const Schedule stages = schedule();
-    const Index first_end = stages.until_first_end();
-    const bool farther = std::any_of(attempts_.begin(), attempts_.end(),
-                                     [first_end](const Attempt& a) { return a.iterations > first_end; });
-    if (farther || now.iterations < first_end) return;
+    if (now.iterations < stages.until_first_end()) return;
     for (const Stage& stage : stages.last) keep(now = refined(std::move(now), stage));
   }
 
