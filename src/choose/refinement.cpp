@@ -384,7 +384,7 @@ class Folds::RefinementSearch {
       Attempt now{smoothing, 0, {}, {}, starts_};
       for (const Stage& stage : schedule().first) {
         keep(now = refined(std::move(now), stage));
-        if (!attempts_.empty() && now.error() > least_error()->error() + std::log(hopeless)) break;
+        if (jumps_.empty() && !attempts_.empty() && now.error() > least_error()->error() + std::log(hopeless)) break;
       }
     }
     Likelihood most;
