@@ -39,11 +39,12 @@ configure = cmake --log-level=WARNING $(if $(TOKID_WARNINGS_AS_ERRORS),-DTOKID_W
 # Debian's own, which has the packages above; another one may come first on the path.
 python := $(firstword $(wildcard /usr/bin/python3) python3)
 
-.PHONY: help build demo test docs gallery wheel wheels wheel-test package release release-test portability bench studies zoo compare sbom install-test asan tsan valgrind coverage fuzz tidy format clean
+.PHONY: help build demo test test-all docs gallery wheel wheels wheel-test package release release-test portability bench studies zoo compare sbom install-test asan tsan valgrind coverage fuzz tidy format clean
 
 help:
 	@echo 'make demo          the tool, then the main job on the example of the paper (files in build/demo)'
-	@echo 'make test          build with the tests and run all of them'
+	@echo 'make test          build with the tests and run what a change needs'
+	@echo 'make test-all      the same, and the slow tests: statistics, pages in a browser, Octave, MPI, emulators, printed documents'
 	@echo 'make docs          the site: documents, references, gallery (build/docs/html/index.html)'
 	@echo 'make gallery       runs the examples of EXAMPLES, all unless told otherwise, for the outputs that the gallery shows'
 	@echo 'make wheel         the Python package for this Python as a wheel for any Linux with glibc 2.28 (build/wheel)'
@@ -81,11 +82,11 @@ demo:
 	@examples/demo.sh build/bin build/demo
 
 # LEVEL: avx2, sse4 or baseline for results as on an older processor
-test:
+test test-all:
 	$(call install,$(test_packages))
 	@$(configure) test >/dev/null
 	@cmake --build build --target all tests_environment
-	@$(python) tests/run.py build $(if $(LEVEL),--as $(LEVEL))
+	@$(python) tests/run.py build $(if $(LEVEL),--as $(LEVEL)) $(if $(filter test,$@),--label-exclude slow)
 
 # The package and the tool, and the environment of the site, which needs no network from then on.
 define site_environment

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Runs all tests of a build directory and ends with the line 'N passed, N failed'.
+"""Runs the tests of a build directory and ends with the line 'N passed, N failed'.
 
     tests/run.py BUILD [--as LEVEL] [argument of ctest ...]
 
