@@ -109,9 +109,9 @@ TEST(Excitation, OutputsThatMoveTogetherOrRest) {
       (Texts{
           "output y1 is the same in every experiment at step 7: nothing about this output can be identified at these steps"}));
   EXPECT_EQ(
-      in_words(stuck_outputs(e, 100).findings),
+      in_words(stuck_outputs(e).findings),
       (Texts{
-          "output y2 stays at 2.5 in experiment 4 at steps 110–119, while the inputs of this experiment move. Check whether the sensor of this output was stuck"}));
+          "output y2 stays at 2.5 in experiment 4 at steps 10–19, while the inputs of this experiment move. Check whether the sensor of this output was stuck"}));
 }
 
 // What nothing is wrong with, and what chance makes of few experiments.

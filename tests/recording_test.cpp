@@ -45,8 +45,6 @@ TEST(Recording, RunsThatWereFilledAreFound) {
       fill_end(e, 1, 50, hold);
       ASSERT_EQ(early(e), std::vector<Index>{1}) << hold << ' ' << count;
       EXPECT_EQ(findings_of_recording(e).front().steps, std::vector<Index>{hold ? 49 : 50});
-      EXPECT_EQ(findings_of_recording(e, 100).front().steps, std::vector<Index>{hold ? 149 : 150});
-      EXPECT_TRUE(findings_of_recording(e, 0, false).empty());
     }
 }
 

@@ -1,5 +1,5 @@
-// tokid-mpi: the processes of mpirun share the blocks of identify and the files of update. The first
-// process alone runs all other commands.
+// tokid-mpi: the processes of mpirun share the blocks of identify and the files of update. The first process alone runs
+// all other commands.
 // SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/format.h>
 #include <mpi.h>

@@ -33,7 +33,6 @@ class EnsembleFile {
   const Channels& names() const;
   const std::optional<InitialState>& initial_state() const;
   const std::filesystem::path& path() const;
-  FileState state() const;  // state of the file when it was opened
 
   // The steps begin … end-1, as stretch() of the whole ensemble, but with the same steps of the free responses. Several
   // threads may call it at the same time. \throws std::invalid_argument unless 0 ≤ begin < end ≤ T, IoError

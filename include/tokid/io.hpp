@@ -71,13 +71,6 @@ struct ReadOptions {
   std::optional<std::int64_t> longest_gap = {};
 };
 
-// Identity of a file and its last change. `changed` is the time of the last status change. Programs can set the time
-// `modified`, but not `changed`.
-struct FileState {
-  std::uint64_t number = 0, bytes = 0;
-  std::string modified, changed;  // in UTC
-};
-
 enum class FileKind { ensemble, model, controller };
 
 // Reading of files; docs/formats.md has the names and shapes. \throws IoError

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "base/nan.hpp"
+#include "base/statistics.hpp"
 
 namespace tokid {
 
@@ -88,6 +89,12 @@ bool clearly_smaller(const HeldOutError& a, const HeldOutError& b, double standa
   return a.influence.size() > 1 &&
          a.value <
              b.value - (std::isfinite(error) ? standard_errors * error : 0.0);  // no derivative of an infinite value
+}
+
+double surely_worse(Index experiments) {
+  constexpr double probability = 1e-3;
+  return experiments > 1 ? statistics::student_quantile(1 - probability, double(experiments - 1))
+                         : std::numeric_limits<double>::infinity();
 }
 
 }  // namespace tokid

@@ -6,7 +6,6 @@
 #include <numeric>
 #include <utility>
 
-#include "base/statistics.hpp"
 #include "base/words.hpp"
 #include "choose/ahead_errors.hpp"
 #include "choose/first_steps.hpp"
@@ -97,9 +96,7 @@ class Folds::Likelihood {
   }
 
   bool surely_below(const Likelihood& other) const {
-    constexpr double probability = 1e-3;  // of giving up one that is as likely
-    const double freedom = double(of_experiment_.size()) - 1.0;
-    return freedom > 0 && advantage(other) < -statistics::student_quantile(1 - probability, freedom);
+    return advantage(other) < -surely_worse(Index(of_experiment_.size()));
   }
 
  private:
@@ -176,12 +173,15 @@ class Folds::RefinementSearch {
   void run_beside(const RefinementSearch& more) {
     work_.begin(words::plural(choice_.states, "state"));
     tried_.push_back(more.smoothing());
-    Attempt now{more.smoothing(), 0, {}, {}, starts_};
-    for (const Stage& stage : schedule().first) {
-      keep(now = refined(std::move(now), stage));
-      if (more.excludes(now)) return attempts_.clear();
-    }
-    if (!suffices_for(more)) finish();
+    bool excluded = false;
+    in_first_stages(more.smoothing(), [&](const Attempt& now) {
+      keep(now);
+      return !(excluded = more.excludes(now));
+    });
+    if (excluded)
+      attempts_.clear();
+    else if (!suffices_for(more))
+      finish();
   }
 
   // The further stages of the best attempt, if EM has not been best before.
@@ -359,8 +359,7 @@ class Folds::RefinementSearch {
       for (const size_t without : {i, i + 1}) {
         jumps_ = all;
         jumps_.erase(jumps_.begin() + std::ptrdiff_t(without));
-        Attempt one{smoothing, 0, {}, {}, starts_};
-        for (const Stage& stage : schedule().first) one = refined(std::move(one), stage);
+        Attempt one = in_first_stages(smoothing, [](const Attempt&) { return true; });
         if (!best || one.likelihood.sum() > best->likelihood.sum()) best = std::move(one), needed = jumps_;
       }
       if (best && best->likelihood.advantage(both) > -significant) {
@@ -381,16 +380,25 @@ class Folds::RefinementSearch {
     const auto same = [&](double other) { return same_smoothing(other, smoothing); };
     if (std::none_of(tried_.begin(), tried_.end(), same)) {
       tried_.push_back(smoothing);
-      Attempt now{smoothing, 0, {}, {}, starts_};
-      for (const Stage& stage : schedule().first) {
-        keep(now = refined(std::move(now), stage));
-        if (jumps_.empty() && !attempts_.empty() && now.error() > least_error()->error() + std::log(hopeless)) break;
-      }
+      in_first_stages(smoothing, [&](const Attempt& now) {
+        keep(now);
+        return !jumps_.empty() || attempts_.empty() || now.error() <= least_error()->error() + std::log(hopeless);
+      });
     }
     Likelihood most;
     for (const Attempt& a : attempts_)
       if (same(a.smoothing) && a.likelihood.sum() > most.sum()) most = a.likelihood;
     return most;
+  }
+
+  // EM with this λ from the subspace models, in the stages for every λ. After each stage, `go_on` decides whether it
+  // continues.
+  template <class GoOn>
+  Attempt in_first_stages(double smoothing, GoOn&& go_on) {
+    Attempt now{smoothing, 0, {}, {}, starts_};
+    for (const Stage& stage : schedule().first)
+      if (now = refined(std::move(now), stage); !go_on(now)) break;
+    return now;
   }
 
   void keep(const Attempt& attempt) {

@@ -6,7 +6,6 @@
 #include <limits>
 #include <utility>
 
-#include "base/statistics.hpp"
 #include "choose/folds.hpp"
 #include "data/rows.hpp"
 
@@ -51,7 +50,9 @@ class Race {
       while (smoothing < slowest && move(half_a_decade)) moved = true;
       while (!moved && std::isfinite(smoothing) && move(1 / half_a_decade)) {
       }
-      given_up = excluded_by(errors_.error_of(first)) ? given_up + 1 : 0;
+      const HeldOutError in_first = errors_.error_of(first);
+      const bool excluded = clearly_smaller(models_in_first_, in_first, surely_worse(Index(in_first.influence.size())));
+      given_up = excluded ? given_up + 1 : 0;
       if (given_up == 0) enter(std::move(first), *p, smoothing);
     }
   }
@@ -64,14 +65,6 @@ class Race {
     for (Squares& fold : errors_.squares(1, folds_, lags, smoothing)) squares.push_back(std::move(fold));
     RegressionErrors::Found found = errors_.found(squares, lags, smoothing);
     if (found.error.value < best_.error.value) best_ = std::move(found);
-  }
-
-  // Does the first fold exclude that the regression predicts as well as the models?
-  bool excluded_by(const HeldOutError& in_first) const {
-    constexpr double probability = 1e-3;  // of giving up a regression that predicts as well
-    const double freedom = double(in_first.influence.size()) - 1.0;
-    return freedom > 0 &&
-           clearly_smaller(models_in_first_, in_first, statistics::student_quantile(1 - probability, freedom));
   }
 
   const RegressionErrors& errors_;

@@ -503,7 +503,6 @@ void report(const std::vector<Case>& cases, bool with_past, const Ensemble& e, c
                     .steps = c.steps,
                     .numbers = {{"constant", c.found.constant}, {"varying", !c.same}, {"period", double(o.period)}},
                     .terms = c.found.terms};
-    for (Index& k : finding.steps) k += o.origin;
     if (o.period == 1) finding.steps.clear();  // all of them
     if (const Index sines = with_past ? inspect.sines(c.found) : 0; sines > 0) {
       finding.numbers["sines"] = double(sines);
@@ -534,12 +533,11 @@ Excitation excitation(const Ensemble& e, const ExcitationOptions& o) {
   return result;
 }
 
-Findings findings_of_dependent_outputs(const Ensemble& e, Index origin) {
+Findings findings_of_dependent_outputs(const Ensemble& e) {
   Findings result = moving_together(e);
   if (e.experiments() < 2) return result;
   for (Index j = 0; j < e.outputs(); ++j) {
     std::vector<Index> still = constant_steps(e, j);
-    for (Index& k : still) k += origin;
     if (!still.empty())
       result.push_back(
           {.kind = Finding::Kind::output_same, .channels = {output_channel(e.names, j)}, .steps = std::move(still)});
@@ -547,7 +545,7 @@ Findings findings_of_dependent_outputs(const Ensemble& e, Index origin) {
   return result;
 }
 
-StuckOutputs stuck_outputs(const Ensemble& e, Index origin) {
+StuckOutputs stuck_outputs(const Ensemble& e) {
   StuckOutputs result;
   for (Index j = 0; j < e.outputs(); ++j) {
     const std::vector<Standstill> stuck = standstills(e, e.inputs() + j);
@@ -556,7 +554,7 @@ StuckOutputs stuck_outputs(const Ensemble& e, Index origin) {
       result.findings.push_back({.kind = Finding::Kind::output_stuck,
                                  .channels = {output_channel(e.names, j)},
                                  .experiments = {experiment(e, stuck[i].experiment)},
-                                 .steps = range(origin + stuck[i].begin, origin + stuck[i].end),
+                                 .steps = range(stuck[i].begin, stuck[i].end),
                                  .numbers = {{"value", stuck[i].value}}});
     }
     if (stuck.size() > most_cases)

@@ -17,7 +17,6 @@ struct ExcitationOptions {
   bool noisy = false;                       // true: an input that follows exactly from outputs shows feedback
   bool shared = false;                      // the steps are coupled: a few dependent steps do no harm
   bool sampled = false;                     // true: only some steps, spread evenly, are examined
-  Index origin = 0;                         // number of the first step
   std::vector<Index> dependent_steps = {};  // steps whose inputs a regression has found dependent
 };
 
@@ -36,13 +35,13 @@ Excitation excitation(const Ensemble& ensemble, const ExcitationOptions& options
 
 // Reports outputs that are the same combination of other outputs at all steps. Also reports outputs that are the same
 // in every experiment at some steps after they have moved.
-Findings findings_of_dependent_outputs(const Ensemble& ensemble, Index origin = 0);
+Findings findings_of_dependent_outputs(const Ensemble& ensemble);
 
 // Outputs that stay constant in single experiments while the inputs move, and these experiments.
 struct StuckOutputs {
   Findings findings;
   std::vector<Index> experiments;
 };
-StuckOutputs stuck_outputs(const Ensemble& ensemble, Index origin = 0);
+StuckOutputs stuck_outputs(const Ensemble& ensemble);
 
 }  // namespace tokid

@@ -20,7 +20,7 @@ Findings findings_of_begin(const Model& model) {
   return {{.kind = Finding::Kind::late_begin, .numbers = {{"step", double(model.k_begin)}}}};
 }
 
-Findings findings_of_hidden_states(const Model& model, Index origin) {
+Findings findings_of_hidden_states(const Model& model) {
   const Index states = model.states();
   if (states == 0) return {};
   std::vector<Index> fewer;
@@ -29,7 +29,7 @@ Findings findings_of_hidden_states(const Model& model, Index origin) {
       ++waiting;
       continue;
     }
-    for (Index i = k - waiting; i < k; ++i) fewer.push_back(origin + i);
+    for (Index i = k - waiting; i < k; ++i) fewer.push_back(i);
     waiting = 0;
   }
   if (fewer.empty()) return {};

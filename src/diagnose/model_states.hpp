@@ -16,8 +16,8 @@ Findings findings_of_absent_states(const Model& model);
 Findings findings_of_begin(const Model& model);
 
 // Reports steps with fewer states than asked for, between steps that have all of them. Steps before and after these may
-// have fewer states, because states are not yet reached or no longer observed. `origin`: the number of the first step.
-Findings findings_of_hidden_states(const Model& model, Index origin = 0);
+// have fewer states, because states are not yet reached or no longer observed.
+Findings findings_of_hidden_states(const Model& model);
 
 // Reports steps whose Kalman gain is much larger than the median gain and the pseudoinverse of C_k. The outputs hardly
 // determine a direction of the state there, and its error grows, and with it the effect of rounding.

@@ -53,7 +53,7 @@ std::optional<Index> early_end(const std::vector<ChannelCourse>& channels, Index
   return begin;
 }
 
-std::optional<Finding> early_ends(const Ensemble& e, Index origin) {
+std::optional<Finding> early_ends(const Ensemble& e) {
   const Index d = e.channels();
   std::vector<std::vector<ChannelCourse>> courses(size_t(e.experiments()),
                                                   std::vector<ChannelCourse>(static_cast<size_t>(d)));
@@ -75,14 +75,14 @@ std::optional<Finding> early_ends(const Ensemble& e, Index origin) {
   for (Index n = 0; n < e.experiments(); ++n)
     if (const std::optional<Index> begin = early_end(courses[size_t(n)], e.inputs())) {
       result.experiments.push_back({n, e.experiment_name(n)});
-      result.steps.push_back(origin + *begin);
+      result.steps.push_back(*begin);
     }
   if (result.experiments.empty()) return std::nullopt;
   return result;
 }
 
 // The jumps of output j by a whole turn; nothing if the output does not look like an angle between two limits.
-std::optional<Finding> turns(const Ensemble& e, Index j, double turn, Index origin) {
+std::optional<Finding> turns(const Ensemble& e, Index j, double turn) {
   double least = std::numeric_limits<double>::infinity(), most = -least, motion = 0.0;
   const auto each = [&](auto&& use) {
     for (Index k = 0; k < e.steps(); ++k)
@@ -109,7 +109,7 @@ std::optional<Finding> turns(const Ensemble& e, Index j, double turn, Index orig
     if (std::abs(turn - std::abs(e.y(n, k, j) - e.y(n, k - 1, j))) > motion) return;
     if (count++ > 0) return;
     result.experiments = {{n, e.experiment_name(n)}};
-    result.steps = {origin + k};
+    result.steps = {k};
   });
   if (count == 0) return std::nullopt;
   result.numbers = {{"turn", turn}, {"count", double(count)}};
@@ -118,13 +118,12 @@ std::optional<Finding> turns(const Ensemble& e, Index j, double turn, Index orig
 
 }  // namespace
 
-Findings findings_of_recording(const Ensemble& e, Index origin, bool to_the_end) {
+Findings findings_of_recording(const Ensemble& e) {
   Findings result;
-  if (to_the_end)
-    if (auto found = early_ends(e, origin)) result.push_back(*std::move(found));
+  if (auto found = early_ends(e)) result.push_back(*std::move(found));
   for (Index j = 0; j < e.outputs(); ++j)
     for (const double turn : {2 * std::numbers::pi, 360.0})
-      if (auto found = turns(e, j, turn, origin)) result.push_back(*std::move(found));
+      if (auto found = turns(e, j, turn)) result.push_back(*std::move(found));
   return result;
 }
 

@@ -9,8 +9,7 @@ namespace tokid {
 
 // Reports experiments whose channels all stay constant to the end from the same step on: these runs stopped early, and
 // their ends were filled with zeros or with the last value. Also reports outputs that jump by a whole turn, because
-// they are angles between two limits. `origin`: the step of the data at which the ensemble begins. `to_the_end`: the
-// ensemble ends with the data.
-Findings findings_of_recording(const Ensemble& ensemble, Index origin = 0, bool to_the_end = true);
+// they are angles between two limits.
+Findings findings_of_recording(const Ensemble& ensemble);
 
 }  // namespace tokid

@@ -120,7 +120,6 @@ bool EnsembleFile::dt_stated() const { return content_->outline.dt_stated; }
 const Channels& EnsembleFile::names() const { return content_->outline.names; }
 const std::optional<InitialState>& EnsembleFile::initial_state() const { return content_->outline.initial_state; }
 const fs::path& EnsembleFile::path() const { return content_->path; }
-FileState EnsembleFile::state() const { return content_->whole.state(); }
 
 Ensemble EnsembleFile::read(Index begin, Index end) const {
   const io::EnsembleOutline& all = content_->outline;

@@ -43,7 +43,6 @@ class Unchanged {
       : file_(open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC)), before_(look()) {}
 
   int descriptor() const { return file_; }  // negative if the file could not be opened
-  FileState state() const;                  // when it was opened
 
   // \throws IoError if another program has changed the file since it was opened
   void check() const {
