@@ -900,6 +900,32 @@ TEST(Verdict, HasTheFiguresOfTheData) {
   }
 }
 
+// A small fit passes if the noise explains it, but only if cross-validation finds no better regression.
+TEST(Verdict, LetsNoiseExplainSmallFitsIfNoRegressionIsBetter) {
+  Model model = constant_system({1, 1, 1}, 50, 0.98, 1);
+  for (Step& step : model.step)
+    step.A()(0, 0) = 0.98, step.B()(0, 0) = 0.3, step.C()(0, 0) = 1.0, step.D()(0, 0) = 0.0;
+  const ExperimentOptions noise{.experiments = 40, .seed = 1, .process_noise = 0.5, .measurement_noise = 1.5};
+  model = with_noise(model, noise);
+  const Ensemble data = experiments(model, noise);
+  const auto result = [&](std::optional<double> ratio) {
+    ReportOptions options;
+    if (ratio) {
+      const Vector one = Vector::Ones(1), none = Vector::Zero(1);
+      options.comparison = RegressionComparison{
+          .horizons = {1}, .experiments = 40, .model = {*ratio * one, none}, .regression = {one, none}};
+    }
+    const Verdict v = verdict(model, data, options);
+    const VerdictCheck& check = check_of(v, "prediction_fit");
+    EXPECT_LT(check.figures[0].values[0], 80);
+    EXPECT_EQ(check.one_suffices, check.result == Trust::good);
+    return check.result;
+  };
+  EXPECT_EQ(result(std::nullopt), Trust::look_closer);
+  EXPECT_EQ(result(1.3), Trust::look_closer);
+  EXPECT_EQ(result(1.0), Trust::good);
+}
+
 // Noise that drives a slow system: predictions decide. The effect of the inputs is the response to the inputs'
 // departures from their mean, from zero states, in the last of H steps, over the error of predictions over H steps.
 TEST(Verdict, HasTheFiguresOfPredictionsThatDecide) {

@@ -136,7 +136,12 @@ class Words {
     const std::vector<double>& values = figure_of(0).values;
     return percent_range(Eigen::Map<const Vector>(values.data(), Index(values.size())));
   }
-  std::string fits_needed() const { return fmt::format("{:.0f} % or more for every output", bound()); }
+  std::string fits_needed() const {
+    std::string text = fmt::format("{:.0f} % or more for every output", bound());
+    if (check_.one_suffices)
+      text += fmt::format(", or errors at most {:.2f} times those of an exact model", figure_of(1).bound);
+    return text;
+  }
 
   CheckWords tested() const {
     switch (check_.kind) {

@@ -142,6 +142,7 @@ class Assessment {
     if (v.one_step.samples > 0) text += fmt::format("; one-step prediction fit {}", percent_range(one_step_));
     text += '.' + of_cross_validation();
     if (verdict_.horizon > 0) text += fmt::format(" {}", why_not_simulation());
+    if (noise_allowed_) text += " The noise does not permit a better fit.";
     if (!remark_.empty()) text += " " + remark_;
     return text;
   }
@@ -176,6 +177,17 @@ class Assessment {
     return true;
   }
 
+  // A small fit passes if the noise explains it and cross-validation finds no better regression. The noise that a model
+  // states is no proof alone.
+  void allow_noise(Check& check, const Vector& found, const Vector& expected) {
+    if (check.kept() || !noise_explains(found, expected) || regression_check().result != Trust::good) return;
+    CheckFigure figure{"error_over_exact", {}, Rule::at_most, bounds::as_expected};
+    for (Index j = 0; j < found.size(); ++j)
+      if (found(j) < bounds::good_fit) figure.values.push_back((100 - found(j)) / (100 - expected(j)));
+    check.figures.push_back(std::move(figure));
+    check.one_suffices = noise_allowed_ = true;
+  }
+
   // Is each input the same in all training experiments?
   bool inputs_unknown() const {
     return options_.evaluation != Evaluation::given && Index(found_.weak_inputs.size()) == model_.inputs &&
@@ -198,10 +210,11 @@ class Assessment {
     return figure;
   }
 
-  Check simulation_check() const {
+  Check simulation_check() {
     const Validation& v = found_.validation;
     const double simulation = least(simulation_), ahead = least(of_moving(v.horizon.fit));
     Check result = check(Kind::simulation_fit, fit_figure(simulation_, v.simulation, bounds::good_fit));
+    allow_noise(result, simulation_, found_.deciding.expected_simulation);
     if (v.simulation.samples == 0) {
       against(result, Trust::look_closer, "Nothing was simulated: the initial states could not be estimated.");
       return result;
@@ -249,12 +262,13 @@ class Assessment {
     return result;
   }
 
-  Check prediction_check() const {
+  Check prediction_check() {
     const DecidingHorizon& h = found_.deciding;
     const double fit = least(deciding_);
     const std::string ahead = plural(h.steps, "step") + " ahead";
     Check result = check(Kind::prediction_fit, fit_figure(deciding_, h.fit, bounds::good_fit));
     result.numbers = {{"horizon", double(h.steps)}};
+    allow_noise(result, deciding_, h.expected);
     const std::string found =
         fmt::format("For output {}, the fit of predictions {} is {}", name_of_worst(deciding_), ahead, percent(fit));
     const std::string exact =
@@ -265,12 +279,14 @@ class Assessment {
       against(
           result, Trust::look_closer,
           fmt::format("No output varies over the steps of the predictions {}, so their fit has no meaning.", ahead));
-    else if (!result.kept() && noise_explains(deciding_, h.expected))
+    else if (result.kept())
+      return result;
+    else if (noise_explains(deciding_, h.expected))
       against(result, Trust::look_closer,
               fmt::format("{}, and the noise that the model states does not permit a better fit.", found));
     else if (fit < bounds::poor_fit)
       against(result, Trust::distrust, fmt::format("{}, which is too small; {}.", found, exact));
-    else if (!result.kept())
+    else
       against(result, Trust::look_closer, fmt::format("{}; {}.", found, exact));
     return result;
   }
@@ -335,9 +351,10 @@ class Assessment {
     return true;
   }
 
-  Check one_step_check() const {
+  Check one_step_check() {
     const Validation& v = found_.validation;
     Check result = check(Kind::one_step_fit, fit_figure(one_step_, v.one_step, bounds::poor_fit));
+    allow_noise(result, one_step_, found_.deciding.expected_one_step);
     if (v.one_step.samples == 0) return untested(std::move(result), Untested::no_predictions);
     const double one_step = least(one_step_);
     if (v.one_step.rmse.allFinite() && std::isinf(one_step))
@@ -661,6 +678,7 @@ class Assessment {
   const ReportOptions& options_;
   Vector simulation_, one_step_, deciding_;  // fits of the outputs; NaN for constant outputs
   Verdict verdict_;
+  bool noise_allowed_ = false;  // a small fit passed
   std::string remark_;  // a sentence on single steps for the summary
 };
 
