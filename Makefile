@@ -44,7 +44,7 @@ python := $(firstword $(wildcard /usr/bin/python3) python3)
 help:
 	@echo 'make demo          the tool, then the main job on the example of the paper (files in build/demo)'
 	@echo 'make test          build with the tests and run what a change needs'
-	@echo 'make test-all      the same, and the slow tests: statistics, pages in a browser, Octave, MPI, emulators, printed documents'
+	@echo 'make test-all      the same, and the slow tests, of many systems, other programs and the printed documents'
 	@echo 'make docs          the site: documents, references, gallery (build/docs/html/index.html)'
 	@echo 'make gallery       runs the examples of EXAMPLES, all unless told otherwise, for the outputs that the gallery shows'
 	@echo 'make wheel         the Python package for this Python as a wheel for any Linux with glibc 2.28 (build/wheel)'
@@ -206,7 +206,7 @@ coverage:
 	@$(configure) $@ >/dev/null
 	@cmake --build build-$@
 	@find build-$@ -name '*.gcda' -delete
-	@GCOV_ERROR_FILE=/dev/null $(python) tests/run.py build-$@ --label-regex 'unit|e2e'
+	@GCOV_ERROR_FILE=/dev/null $(python) tests/run.py build-$@ --label-regex 'unit|e2e|slow'
 	@mkdir -p build-$@/report
 	@gcovr --root . --filter src/ --filter include/ --exclude-throw-branches --print-summary --fail-under-line 90 \
 	  --html-details build-$@/report/index.html --txt build-$@/report/lines.txt build-$@

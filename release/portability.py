@@ -83,7 +83,7 @@ class System:
         """With all that is built beside them."""
         configured = self.attempt("cmake", "--preset", "release", "-S", TREE, "-B", BUILD, "-DTOKID_BUILD_TESTS=ON",
                                   *NO_PROGRAMS, *options)[1]
-        build_and_run = 'cmake --build "$0" && python3 "$1" "$0" --label-regex unit'
+        build_and_run = 'cmake --build "$0" && python3 "$1" "$0" --label-regex "unit|slow"'
         return configured and self.judge("tests", "sh", "-c", build_and_run, BUILD, f"{TREE}/tests/run.py")
 
     def tell(self, compiler):
@@ -123,7 +123,7 @@ def debian(system):
     """As a user does it, from nothing: the demo, then all tests."""
     system.machine.install("make")
     if system.judge("demo", "make", "-C", TREE, "demo"):
-        system.judge("tests", "make", "-C", TREE, "test")
+        system.judge("tests", "make", "-C", TREE, "test-all")
     system.tell("g++")
 
 

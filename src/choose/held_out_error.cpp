@@ -91,7 +91,7 @@ bool clearly_smaller(const HeldOutError& a, const HeldOutError& b, double standa
              b.value - (std::isfinite(error) ? standard_errors * error : 0.0);  // no derivative of an infinite value
 }
 
-double surely_worse(Index experiments) {
+double errors_to_give_up(Index experiments) {
   constexpr double probability = 1e-3;
   return experiments > 1 ? statistics::student_quantile(1 - probability, double(experiments - 1))
                          : std::numeric_limits<double>::infinity();

@@ -52,7 +52,7 @@ double standard_error(const HeldOutError& a, const HeldOutError& b);
 bool clearly_smaller(const HeldOutError& a, const HeldOutError& b, double standard_errors = 1.0);
 // A candidate is given up if it is worse by more than so many standard errors over the experiments. A candidate that is
 // as good is given up with a probability of 1e-3.
-double surely_worse(Index experiments);
+double errors_to_give_up(Index experiments);
 
 // `weights`: of the outputs (m)
 HeldOutError held_out_error(const Squares& squares, const Vector& weights);

@@ -96,7 +96,7 @@ class Folds::Likelihood {
   }
 
   bool surely_below(const Likelihood& other) const {
-    return advantage(other) < -surely_worse(Index(of_experiment_.size()));
+    return advantage(other) < -errors_to_give_up(Index(of_experiment_.size()));
   }
 
  private:

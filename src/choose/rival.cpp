@@ -51,7 +51,8 @@ class Race {
       while (!moved && std::isfinite(smoothing) && move(1 / half_a_decade)) {
       }
       const HeldOutError in_first = errors_.error_of(first);
-      const bool excluded = clearly_smaller(models_in_first_, in_first, surely_worse(Index(in_first.influence.size())));
+      const bool excluded =
+          clearly_smaller(models_in_first_, in_first, errors_to_give_up(Index(in_first.influence.size())));
       given_up = excluded ? given_up + 1 : 0;
       if (given_up == 0) enter(std::move(first), *p, smoothing);
     }

@@ -134,7 +134,13 @@ class Words {
   }
   std::string fits() const {
     const std::vector<double>& values = figure_of(0).values;
-    return percent_range(Eigen::Map<const Vector>(values.data(), Index(values.size())));
+    std::string text = percent_range(Eigen::Map<const Vector>(values.data(), Index(values.size())));
+    if (check_.one_suffices) {
+      const std::vector<double>& ratios = figure_of(1).values;
+      text += fmt::format("; errors {} times those of an exact model",
+                          figure(*std::max_element(ratios.begin(), ratios.end()), 3));
+    }
+    return text;
   }
   std::string fits_needed() const {
     std::string text = fmt::format("{:.0f} % or more for every output", bound());

@@ -214,7 +214,8 @@ class Report {
             "predict well, up to 100.",
             bounds::expected_fit, bounds::like_one_step),
         "Good: the model passed every check that can be made. The table of the checks below shows each figure and its "
-        "bound.",
+        "bound. A small fit passes if the noise that the model states explains it and cross-validation finds no better "
+        "regression.",
         "Look closer: the model did not pass a check. The reasons above say why.",
         fits.empty()
             ? "Don’t trust: nothing was tested."

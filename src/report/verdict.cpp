@@ -142,7 +142,10 @@ class Assessment {
     if (v.one_step.samples > 0) text += fmt::format("; one-step prediction fit {}", percent_range(one_step_));
     text += '.' + of_cross_validation();
     if (verdict_.horizon > 0) text += fmt::format(" {}", why_not_simulation());
-    if (noise_allowed_) text += " The noise does not permit a better fit.";
+    const bool allowed = std::any_of(verdict_.checks.begin(), verdict_.checks.end(), [](const Check& c) {
+      return (c.kind == Kind::simulation_fit || c.kind == Kind::prediction_fit) && c.one_suffices;
+    });
+    if (allowed) text += " The noise does not permit a better fit.";
     if (!remark_.empty()) text += " " + remark_;
     return text;
   }
@@ -178,14 +181,15 @@ class Assessment {
   }
 
   // A small fit passes if the noise explains it and cross-validation finds no better regression. The noise that a model
-  // states is no proof alone.
-  void allow_noise(Check& check, const Vector& found, const Vector& expected) {
-    if (check.kept() || !noise_explains(found, expected) || regression_check().result != Trust::good) return;
+  // states is no proof alone, and a regression is no proof of itself.
+  void allow_noise(Check& check, const Fit& of, const Vector& found, const Vector& expected) const {
+    if (check.kept() || !of.rmse.allFinite() || !noise_explains(found, expected)) return;
+    if (model_.method == "regression" || regression_check().result != Trust::good) return;
     CheckFigure figure{"error_over_exact", {}, Rule::at_most, bounds::as_expected};
     for (Index j = 0; j < found.size(); ++j)
       if (found(j) < bounds::good_fit) figure.values.push_back((100 - found(j)) / (100 - expected(j)));
-    check.figures.push_back(std::move(figure));
-    check.one_suffices = noise_allowed_ = true;
+    check.one_suffices = !figure.values.empty();
+    if (check.one_suffices) check.figures.push_back(std::move(figure));
   }
 
   // Is each input the same in all training experiments?
@@ -210,11 +214,11 @@ class Assessment {
     return figure;
   }
 
-  Check simulation_check() {
+  Check simulation_check() const {
     const Validation& v = found_.validation;
     const double simulation = least(simulation_), ahead = least(of_moving(v.horizon.fit));
     Check result = check(Kind::simulation_fit, fit_figure(simulation_, v.simulation, bounds::good_fit));
-    allow_noise(result, simulation_, found_.deciding.expected_simulation);
+    allow_noise(result, v.simulation, simulation_, found_.deciding.expected_simulation);
     if (v.simulation.samples == 0) {
       against(result, Trust::look_closer, "Nothing was simulated: the initial states could not be estimated.");
       return result;
@@ -262,13 +266,13 @@ class Assessment {
     return result;
   }
 
-  Check prediction_check() {
+  Check prediction_check() const {
     const DecidingHorizon& h = found_.deciding;
     const double fit = least(deciding_);
     const std::string ahead = plural(h.steps, "step") + " ahead";
     Check result = check(Kind::prediction_fit, fit_figure(deciding_, h.fit, bounds::good_fit));
     result.numbers = {{"horizon", double(h.steps)}};
-    allow_noise(result, deciding_, h.expected);
+    allow_noise(result, h.fit, deciding_, h.expected);
     const std::string found =
         fmt::format("For output {}, the fit of predictions {} is {}", name_of_worst(deciding_), ahead, percent(fit));
     const std::string exact =
@@ -351,10 +355,10 @@ class Assessment {
     return true;
   }
 
-  Check one_step_check() {
+  Check one_step_check() const {
     const Validation& v = found_.validation;
     Check result = check(Kind::one_step_fit, fit_figure(one_step_, v.one_step, bounds::poor_fit));
-    allow_noise(result, one_step_, found_.deciding.expected_one_step);
+    allow_noise(result, v.one_step, one_step_, found_.deciding.expected_one_step);
     if (v.one_step.samples == 0) return untested(std::move(result), Untested::no_predictions);
     const double one_step = least(one_step_);
     if (v.one_step.rmse.allFinite() && std::isinf(one_step))
@@ -678,7 +682,6 @@ class Assessment {
   const ReportOptions& options_;
   Vector simulation_, one_step_, deciding_;  // fits of the outputs; NaN for constant outputs
   Verdict verdict_;
-  bool noise_allowed_ = false;  // a small fit passed
   std::string remark_;  // a sentence on single steps for the summary
 };
 
