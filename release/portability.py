@@ -160,8 +160,8 @@ ENSEMBLES = [(example, seed, options) for example in ("oscillator", "rotating-tu
 
 def compare(native, crossed):
     """Models that both processors identify from the same files: the same orders, and pulse responses that agree to 1e-12.
-    Many steps of EM enlarge rounding errors on any processor: with it, the models may differ by ten times as much as those
-    of one processor from outputs with one rounding error more."""
+    Rounding errors of many steps of EM add up on any processor: with it, the models may differ by ten times as much as
+    those of one processor from outputs with one rounding error more."""
     sys.path.insert(0, str(native.source / "tests" / "e2e"))
     import numpy as np
     from support import load, markov

@@ -223,6 +223,23 @@ TEST(Refine, LikelihoodNeverFalls) {
           }
 }
 
+TEST(Refine, RoundingErrorsOfTheDataHardlyGrow) {
+  const Model system = noisy_system({4, 2, 2}, 50, InitialState::zero, 41);
+  const Ensemble e = noisy_experiments(system, 40, 42);
+  Matrix samples = e.samples();
+  for (Index i = 0; i < samples.size(); ++i)
+    samples.data()[i] = std::nextafter(samples.data()[i], i % 2 == 0 ? infinity : -infinity);
+  Ensemble changed = e;
+  changed.samples() = samples;
+  const RefineOptions o{.smoothing = 3, .iterations = 168, .tolerance = 0.0};
+  const Model start = disturbed(system, 0.05, 43), a = refine(start, e, o).model, b = refine(start, changed, o).model;
+  for (Index k = 0; k < 50; ++k) {
+    const Matrix of_a = predict(a, e).y.output(k), difference = of_a - predict(b, e).y.output(k);
+    // The moments are sums of 2000 products, and 168 iterations follow each other.
+    EXPECT_LE(difference.norm(), 2000 * 168 * 100 * std::numeric_limits<double>::epsilon() * of_a.norm()) << k;
+  }
+}
+
 TEST(Refine, GainsAreThoseOfTheKalmanFilter) {
   const Model system = noisy_system({3, 2, 2}, 10, InitialState::unknown, 21);
   const Model refined = refine(system, noisy_experiments(system, 60, 22), {.iterations = 3}).model;

@@ -33,7 +33,7 @@ struct RefineOptions {
   // false: A, B, C and D are known, and so is their variation. EM then estimates Q, R and the distribution of x_0
   // alone.
   bool estimate_matrices = true;
-  bool accelerate = true;  // Anderson acceleration; a step is used only if it raises the likelihood
+  bool accelerate = true;  // Nesterov's momentum; a step is used only if it raises the likelihood
   // EM first uses weaker penalties than λ, each with a third of the iterations, at most 15. Very weak ones are left
   // out.
   bool warm_up = true;

@@ -499,7 +499,7 @@ class Model(StateSpace):
         initial_state : {"auto", "zero", "unknown"}, default "auto"
             States at step 0. "auto": as the data state them, else as the model was identified.
         accelerate : bool, default True
-            Use Anderson acceleration where it raises the likelihood.
+            Use Nesterov's momentum where it raises the likelihood.
         warm_up : bool, default True
             Reach a strong penalty through weaker ones.
         threads, progress

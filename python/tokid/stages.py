@@ -823,7 +823,7 @@ def refine(
     estimate_matrices : bool, default True
         False: A, B, C and D are known. EM then estimates Q, R and the distribution of x[0] alone.
     accelerate : bool, default True
-        Use Anderson acceleration where it raises the likelihood.
+        Use Nesterov's momentum where it raises the likelihood.
     warm_up : bool, default True
         Reach a strong penalty through weaker ones.
     threads : int, default 1

@@ -42,8 +42,10 @@ Ensemble ahead_by(Model model, const Ensemble& data, InitialState initial);
 // `weights`: of the outputs, as in Plan. With `like`, the errors cover only the samples that `like` contains too.
 Errors errors_of(Computed computed, const Ensemble& data, const Vector& weights, const Computed* like = nullptr);
 
-// Goes on with EM from the end of one stage to that of another, in the same stages as cross-validation has. The last
-// stage is repeated if needed. `from`, `to`: iterations.
+// After so many iterations, no further stage of EM begins.
+inline constexpr Index most_iterations = 480;
+// Goes on with EM from the end of one stage to that of another, in the same stages as cross-validation has. `from`,
+// `to`: iterations.
 Model refined(Model model, const Ensemble& data, Index from, Index to, const RefineOptions& options);
 // The number of steps that EM uses: all, unless the steps share their matrices and a part has enough samples for these.
 Index refined_steps(const Ensemble& data, Index period);

@@ -35,7 +35,6 @@ constexpr Index most_scored = 64;
 constexpr double tolerated = 1.1;
 // EM goes on while the one-step error of all experiments exceeds that of the held-out ones by this factor.
 constexpr double as_expected = 1.02;
-constexpr Index most_iterations = 480;
 // In a record so many times longer than the samples of the choices, regressions determine one model for all steps as
 // well as EM does, and EM is not tried unless it is asked for.
 constexpr Index enough_without_em = 8;

@@ -37,35 +37,41 @@ struct Stage {
   Index iterations = 0;
   bool warm_up = false;
 };
-// For every λ the stages `first`. Only for the best λ the stages `last`. If steps share their matrices, EM needs many
-// iterations, but an iteration takes less time. With a jump, a large λ shows only after more iterations that it is the
-// best.
-struct Schedule {
-  std::vector<Stage> first, last;
+// Each attempt has the stages `first`. The best attempts then go on in stages that double their iterations. If steps
+// share their matrices, EM needs many iterations, but an iteration takes less time. With a jump, a large λ shows only
+// after more iterations that it is the best.
+class Stages {
+ public:
+  explicit Stages(const RefineOptions& o) {
+    if (o.period.value_or(0) > 0)
+      first_ = {{10, true}, {30, true}, {100, true}};
+    else
+      first_ = {{3, true}, {5, true}, {40, true}};
+    if (!o.jumps.empty()) first_.push_back({48});
+  }
 
-  Index until_first_end() const {
+  Index first_end() const {
+    return std::accumulate(first_.begin(), first_.end(), Index(0),
+                           [](Index sum, const Stage& stage) { return sum + stage.iterations; });
+  }
+
+  // The stage that follows so many iterations.
+  Stage after(Index done) const {
     Index end = 0;
-    for (const Stage& stage : first) end += stage.iterations;
-    return end;
+    for (const Stage& stage : first_)
+      if (end += stage.iterations; done < end) return {end - done, stage.warm_up};
+    return {done};
   }
-  std::vector<Stage> all() const {
-    std::vector<Stage> stages = first;
-    stages.insert(stages.end(), last.begin(), last.end());
-    return stages;
-  }
-};
-Schedule schedule_of(const RefineOptions& o) {
-  if (o.period.value_or(0) > 0) return {{{10, true}, {30, true}, {100, true}}, {}};
-  Schedule apart{{{3, true}, {5, true}, {40, true}}, {{120}}};
-  if (!o.jumps.empty()) apart.first.push_back({48});
-  return apart;
-}
 
-Model refined_in(const Stage& stage, const Model& start, const Ensemble& data, std::optional<em::Data>& samples,
-                 RefineOptions o) {
+ private:
+  std::vector<Stage> first_;
+};
+
+Refinement refined_in(const Stage& stage, const Model& start, const Ensemble& data, std::optional<em::Data>& samples,
+                      RefineOptions o) {
   o.iterations = stage.iterations;
   o.warm_up = stage.warm_up;
-  return em::refine(start, data, samples, o).model;
+  return em::refine(start, data, samples, o);
 }
 
 }  // namespace
@@ -184,19 +190,13 @@ class Folds::RefinementSearch {
       finish();
   }
 
-  // The further stages of the best attempt, if EM has not been best before.
+  // After all attempts of the search.
   void finish() {
     if (lost()) attempts_.clear();
-    if (attempts_.empty()) return;
-    const Index first_end = schedule().until_first_end();
-    if (std::any_of(attempts_.begin(), attempts_.end(),
-                    [first_end](const Attempt& a) { return a.iterations > first_end; }))
-      return;  // it was called before
-    if (!folds_.pooled()) drop_needless_jumps();
-    Attempt now = *chosen();
-    const Schedule stages = schedule();
-    if (now.iterations < stages.until_first_end()) return;
-    for (const Stage& stage : stages.last) keep(now = refined(std::move(now), stage));
+    if (attempts_.empty() || folds_.pooled() || raced_) return;
+    drop_needless_jumps();
+    race();
+    raced_ = true;
   }
 
   const std::vector<Index>& jumps() const { return jumps_; }
@@ -240,6 +240,7 @@ class Folds::RefinementSearch {
   struct Attempt {
     double smoothing = 0.0;
     Index iterations = 0;
+    bool converged = false;  // on all folds
     Errors errors;
     Likelihood likelihood;
     std::vector<Model> models;
@@ -271,9 +272,9 @@ class Folds::RefinementSearch {
     return &*std::min_element(attempts_.begin(), attempts_.end(), smaller);
   }
 
-  const Attempt* likeliest() const {
+  static const Attempt* likeliest(const std::vector<Attempt>& attempts) {
     const auto less = [](const Attempt& a, const Attempt& b) { return a.likelihood.sum() < b.likelihood.sum(); };
-    return &*std::max_element(attempts_.begin(), attempts_.end(), less);
+    return &*std::max_element(attempts.begin(), attempts.end(), less);
   }
 
   // The attempt with the smallest errors of those whose likelihood does not differ significantly from the largest. With
@@ -282,10 +283,16 @@ class Folds::RefinementSearch {
   // decide.
   const Attempt* chosen() const {
     if (folds_.pooled()) return least_error();
-    const Attempt *const most = likeliest(), *best = most;
+    const Attempt *const most = likeliest(attempts_), *best = most;
     for (const Attempt& a : attempts_)
       if (a.error() < best->error() && most->likelihood.advantage(a.likelihood) < significant) best = &a;
     return best;
+  }
+
+  bool hopeless_beside_others(const Attempt& now) const {
+    return std::any_of(attempts_.begin(), attempts_.end(), [&](const Attempt& other) {
+      return other.iterations == now.iterations && now.error() > other.error() + std::log(hopeless);
+    });
   }
 
   // Almost without noise, EM may spoil each start.
@@ -372,7 +379,7 @@ class Folds::RefinementSearch {
     }
   }
 
-  Schedule schedule() const { return schedule_of(options(0.0)); }
+  Stages stages() const { return Stages(options(0.0)); }
 
   // EM with this λ, from the subspace models, unless it was tried before. Returns the largest log-likelihood of the
   // held-out experiments.
@@ -382,7 +389,7 @@ class Folds::RefinementSearch {
       tried_.push_back(smoothing);
       in_first_stages(smoothing, [&](const Attempt& now) {
         keep(now);
-        return !jumps_.empty() || attempts_.empty() || now.error() <= least_error()->error() + std::log(hopeless);
+        return !jumps_.empty() || !hopeless_beside_others(now);
       });
     }
     Likelihood most;
@@ -391,14 +398,36 @@ class Folds::RefinementSearch {
     return most;
   }
 
-  // EM with this λ from the subspace models, in the stages for every λ. After each stage, `go_on` decides whether it
+  // EM with this λ from the subspace models, in the first stages. After each stage, `go_on` decides whether it
   // continues.
   template <class GoOn>
   Attempt in_first_stages(double smoothing, GoOn&& go_on) {
-    Attempt now{smoothing, 0, {}, {}, starts_};
-    for (const Stage& stage : schedule().first)
-      if (now = refined(std::move(now), stage); !go_on(now)) break;
+    Attempt now;
+    now.smoothing = smoothing;
+    now.models = starts_;
+    while (now.iterations < stages().first_end())
+      if (now = refined(std::move(now), stages().after(now.iterations)); !go_on(now)) break;
     return now;
+  }
+
+  // The attempts go on until EM converges, until neither the likelihood nor the errors improve, or until
+  // `most_iterations`. Before each stage, those are left out that are significantly less likely than another one.
+  void race() {
+    std::vector<Attempt> racing;
+    for (const Attempt& a : attempts_)
+      if (a.iterations == stages().first_end()) racing.push_back(a);
+    while (!racing.empty()) {
+      const Likelihood most = likeliest(racing)->likelihood;
+      std::vector<Attempt> improved;
+      for (const Attempt& a : racing) {
+        if (most.advantage(a.likelihood) > significant) continue;
+        Attempt next = refined(a, stages().after(a.iterations));
+        keep(next);
+        const bool better = next.likelihood.sum() > a.likelihood.sum() || next.error() < a.error();
+        if (better && !next.converged && next.iterations < most_iterations) improved.push_back(std::move(next));
+      }
+      racing = std::move(improved);
+    }
   }
 
   void keep(const Attempt& attempt) {
@@ -407,15 +436,19 @@ class Folds::RefinementSearch {
 
   Attempt refined(Attempt start, const Stage& stage) {
     std::vector<Vector> found(count_);
+    std::vector<char> converged(count_);
     for_each_fold([&](size_t f) {
       const Split& data = folds_.folds_[f].data;
-      start.models[f] = refined_fold(start.smoothing, stage, f, start.models[f]);
+      Refinement fold = refined_fold(start.smoothing, stage, f, start.models[f]);
+      start.models[f] = std::move(fold.model);
+      converged[f] = fold.converged;
       if (start.models[f].steps() > 0)
         found[f] = log_likelihoods_with(least_variance_[f], start.models[f], data.held_out);
     });
     const bool all = std::all_of(found.begin(), found.end(), [](const Vector& fold) { return fold.size() > 0; });
     start.likelihood = all ? Likelihood(found) : Likelihood();
     start.errors = errors(start.models, 0);
+    start.converged = std::all_of(converged.begin(), converged.end(), [](char fold) { return fold != 0; });
     start.iterations += stage.iterations;
     trials_.push_back({choice_.states, start.smoothing, start.iterations, start.error(), start.likelihood.mean()});
     return start;
@@ -449,9 +482,9 @@ class Folds::RefinementSearch {
     return {sum.ratio(), sum.model_share()};
   }
 
-  // Empty if EM fails: this λ is ruled out.
-  Model refined_fold(double smoothing, const Stage& stage, size_t f, const Model& start) {
-    if (start.steps() == 0) return start;
+  // With an empty model if EM fails: this λ is ruled out.
+  Refinement refined_fold(double smoothing, const Stage& stage, size_t f, const Model& start) {
+    if (start.steps() == 0) return {};
     try {
       RefineOptions o = options(smoothing);
       o.execution.progress = work_.counted();
@@ -481,6 +514,7 @@ class Folds::RefinementSearch {
   std::vector<Vector> least_variance_;  // as in least_variance, of each fold
   std::vector<Attempt> attempts_;
   std::vector<double> tried_;  // λ of all attempts, also of those that failed
+  bool raced_ = false;
   RefinementChoice choice_;
 };
 
@@ -530,31 +564,18 @@ Model refined(Model model, const Ensemble& data, Index from, Index to, const Ref
     return continued(refined(std::move(model), stretch(data, 0, steps), from, to, options), data.steps());
   }
   std::optional<em::Data> samples;
-  Index end = 0;
-  Stage last;
-  for (const Stage& stage : schedule_of(options).all()) {
-    end += stage.iterations;
-    last = stage;
-    if (end <= from) continue;
-    if (from >= to) return model;
-    model = refined_in(stage, model, data, samples, options);
-    from = end;
+  while (from < to) {
+    const Stage stage = Stages(options).after(from);
+    model = refined_in(stage, model, data, samples, options).model;
+    from += stage.iterations;
   }
-  for (; from < to; from += last.iterations) model = refined_in(last, model, data, samples, options);
   return model;
 }
 
 Index next_stage_end(Index iterations, const RefineOptions& options) {
-  Index end = 0, last = 0;
-  for (const Stage& stage : schedule_of(options).all()) {
-    end += last = stage.iterations;
-    if (end > iterations) return end;
-  }
-  return iterations + last;
+  return iterations + Stages(options).after(iterations).iterations;
 }
 
-bool stopped_early(Index iterations, const RefineOptions& options) {
-  return iterations < schedule_of(options).until_first_end();
-}
+bool stopped_early(Index iterations, const RefineOptions& options) { return iterations < Stages(options).first_end(); }
 
 }  // namespace tokid

@@ -1,4 +1,4 @@
-// Elementary functions for EM, which amplifies rounding errors.
+// Elementary functions with the same last bits on all processors.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 

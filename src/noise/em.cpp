@@ -16,7 +16,6 @@
 #include "model/initial_state.hpp"
 #include "model/kalman_step.hpp"
 #include "noise/em.hpp"
-#include "noise/em/anderson.hpp"
 #include "noise/em/estimator.hpp"
 #include "tokid/observer.hpp"
 
@@ -24,8 +23,6 @@ namespace tokid {
 
 namespace {
 
-// The number of pairs of iterates that the acceleration uses.
-constexpr size_t depth = 8;
 // A segment with its own noise size has at least this many samples per entry of a covariance.
 constexpr double samples_per_entry = 20;
 
@@ -394,7 +391,8 @@ Refinement Climb::run() {
     result.penalised.push_back(now.penalised);
   };
   record();
-  em::Anderson anderson(depth);
+  Vector before;       // coordinates after the plain iteration before
+  Index momentum = 0;  // iterations since the last restart of the acceleration
   bool noise_tested = false;
   int small_gains = 0;
   while (result.iterations < options_.iterations && !result.converged) {
@@ -402,12 +400,16 @@ Refinement Climb::run() {
     em::Parameters plain = estimator_.maximise(now.moments, now.parameters);
     Point next;
     if (options_.accelerate) {
-      const std::optional<Vector> guess =
-          anderson.next(estimator_.coordinates(now.parameters), estimator_.coordinates(plain));
-      if (guess && guess->allFinite()) next = point(estimator_.parameters(*guess, plain));
-      if (guess && !(next.penalised >= now.penalised)) anderson.reset();
+      // Nesterov's momentum. It starts again from zero if it would lower the likelihood.
+      Vector reached = estimator_.coordinates(plain);
+      if (momentum > 0) {
+        const double share = double(momentum) / double(momentum + 3);
+        next = point(estimator_.parameters(reached + share * (reached - before), plain));
+      }
+      before = std::move(reached);
     }
-    if (!(next.penalised >= now.penalised)) next = point(std::move(plain));
+    if (!(next.penalised >= now.penalised)) next = point(std::move(plain)), momentum = 0;
+    ++momentum;
     const double gain = next.penalised - now.penalised;
     if (gain >= 0) now = std::move(next);  // otherwise only rounding errors remain
     record();
@@ -416,7 +418,7 @@ Refinement Climb::run() {
     if (!noise_tested && (result.converged || 2 * result.iterations >= options_.iterations)) {
       noise_tested = true;
       if (split_noise(now)) {
-        anderson.reset();
+        momentum = 0;
         result.converged = false;
       }
     }
