@@ -309,8 +309,7 @@ def python(source, package):
     from importlib import import_module
 
     tokid = import_module("tokid")
-    modules = {name: import_module(name) for name in ("tokid.stages", "tokid.plot", "tokid.interop", "tokid.sklearn",
-                                                      "tokid.results")}
+    modules = {name: import_module(name) for name in ("tokid.stages", "tokid.plot", "tokid.interop", "tokid.results")}
     listed = {name for _, _, names in rooms.PYTHON.values() for name in names}
     left = [f"tokid.{name}" for name in public(tokid) if f"tokid.{name}" not in listed and name != "__version__"]
     seen = {id(getattr(tokid, name)) for name in public(tokid)}

@@ -94,7 +94,7 @@ def public_name(app, env, node, contnode):
     if node.get("refdomain") != "py":
         return None
     known, target = env.domains.python_domain.objects, node["reftarget"]
-    for prefix in ("tokid.", "tokid.results.", "tokid.stages.", "tokid.sklearn."):
+    for prefix in ("tokid.", "tokid.results.", "tokid.stages."):
         owner, _, field = target.partition(".")
         name = prefix + (owner if field.split(".")[0] in field_names(prefix + owner) else target)
         if name in known:
@@ -142,11 +142,6 @@ def fields_alone(app, what, name, thing, options, signature, returns):
     return ("", None) if what == "class" and thing.__module__ == "tokid.results" else None
 
 
-def not_of_sklearn(app, what, name, thing, skip, options):
-    """The machinery of scikit-learn's base classes is described there."""
-    return True if re.fullmatch(r"set_\w+_request|get_metadata_routing", name) else None
-
-
 site_code = Path(__file__).read_text(encoding="utf-8")  # all pages are read again when it changes
 
 
@@ -157,6 +152,5 @@ def setup(app):
             field.label = "Fields"
     app.connect("autodoc-process-docstring", plain_docstring, priority=400)  # before Napoleon
     app.connect("autodoc-process-signature", fields_alone)
-    app.connect("autodoc-skip-member", not_of_sklearn)
     app.connect("missing-reference", public_name)
     app.connect("doctree-read", words_stay_words)

@@ -54,8 +54,7 @@ PYTHON = {
     "export": ("Export", "Models and controllers as C99 source.", ["tokid.ExportedCode"]),
     "stages": ("Stages", "The stages of an identification, to replace one of them.", ["tokid.stages"]),
     "plot": ("Plots", "Pictures with Matplotlib.", ["tokid.plot"]),
-    "interop": ("Other packages", "pandas, xarray, SciPy, python-control, scikit-learn.",
-                ["tokid.interop", "tokid.sklearn"]),
+    "interop": ("Other packages", "pandas, xarray, SciPy, python-control.", ["tokid.interop"]),
     "other": ("Errors, progress, results", "Everything else that calls raise, report or return.",
               ["tokid.IoError", "tokid.TokidWarning", "tokid.ProgressShare"]),
 }

@@ -731,7 +731,7 @@ ABSENT = r"""
 import sys
 class Absent:
     def find_spec(self, name, path=None, target=None):
-        if name.split(".")[0] in {"control", "scipy", "xarray", "pandas", "matplotlib", "sklearn"}:
+        if name.split(".")[0] in {"control", "scipy", "xarray", "pandas", "matplotlib"}:
             raise ModuleNotFoundError(f"No module named {name!r}", name=name)
 sys.meta_path.insert(0, Absent())
 import tokid
@@ -739,7 +739,7 @@ model, data = tokid.example_system(steps=10), tokid.example(experiments=3, steps
 model.simulate(data)
 tokid.interop.simulate_ltv([model.at(k) for k in range(10)], data.u)
 for use in (lambda: model.to_control(1), lambda: model.to_scipy(1), model.to_xarray, data.to_xarray, data.to_dataframe,
-            lambda: model.to_dataframe(data), lambda: tokid.Ensemble.from_dataframe({}), lambda: tokid.sklearn,
+            lambda: model.to_dataframe(data), lambda: tokid.Ensemble.from_dataframe({}),
             lambda: tokid.plot.poles(model)):
     try:
         use()
@@ -758,14 +758,13 @@ def test_absent_packages_are_named_with_what_installs_them():
         "a DataFrame needs pandas: pip install tokid[pandas]",
         "a DataFrame needs pandas: pip install tokid[pandas]",
         "a DataFrame needs pandas: pip install tokid[pandas]",
-        "tokid.sklearn needs sklearn: pip install tokid[sklearn]",
         "tokid.plot needs matplotlib: pip install tokid[plot]",
     ]
 
 
 def test_nothing_optional_is_imported_with_tokid():
     code = (
-        "import sys, tokid; found = {'control', 'scipy', 'xarray', 'pandas', 'matplotlib', 'sklearn'} & set(sys.modules);"
+        "import sys, tokid; found = {'control', 'scipy', 'xarray', 'pandas', 'matplotlib'} & set(sys.modules);"
         "assert not found, found; assert 'plot' in dir(tokid)"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
@@ -786,7 +785,7 @@ def shown(tmp_path, monkeypatch):
     pyplot.close("all")
 
 
-@pytest.mark.parametrize("name", ["interop", "sklearn", "plot"])
+@pytest.mark.parametrize("name", ["interop", "plot"])
 def test_docstrings(name, shown):
     found = doctest.testmod(importlib.import_module(f"tokid.{name}"), extraglobs=shown, optionflags=FLAGS)
     assert found.failed == 0 and found.attempted > 3

@@ -28,12 +28,6 @@ def test_signatures_and_lists():
     assert set(TABLE) <= {name for names in documented for name in names.split(", ")}
 
 
-def test_estimator():
-    learn = pytest.importorskip("tokid.sklearn")
-    shared = set(inspect.signature(learn.LTVIdentifier).parameters) & set(TABLE)
-    assert shared == set(TABLE) - {"hold_out"}
-
-
 def test_matlab():
     text = (ROOT / "matlab/+tokid/identify.m").read_text()
     known = set(re.findall(r"'(\w+)', '(?:value|flag|switch|list)'", text))

@@ -58,7 +58,6 @@ from .results import (
 if TYPE_CHECKING:
     from . import interop as interop
     from . import plot as plot
-    from . import sklearn as sklearn
 
 __all__ = [
     "ClosedLoop",
@@ -103,7 +102,7 @@ __all__ = [
     "update",
 ]
 
-_LATER = ("interop", "plot", "sklearn")  # imported on first access, because these modules need other packages
+_LATER = ("interop", "plot")  # imported on first access, because these modules need other packages
 
 
 def __getattr__(name: str) -> Any:
