@@ -12,7 +12,7 @@ namespace tokid::fuzz {
 struct Target {
   const char* name = nullptr;  // of its folder in corpus/ too
   void (*run)(std::string_view bytes) = nullptr;
-  bool hdf5 = false;  // decoded by the HDF5 library, which damaged files upset (README.md)
+  bool hdf5 = false;  // the HDF5 library may crash on damaged files (README.md)
 };
 
 std::span<const Target> targets();

@@ -26,6 +26,13 @@ Handle open_hdf5(const std::string& path, hid_t access) {
   return {id, H5Fclose};
 }
 
+std::vector<hsize_t> chunk_shape(hid_t properties, size_t rank, const std::string& name) {
+  std::vector<hsize_t> shape(std::max<size_t>(1, rank));
+  const int found = checked(H5Pget_chunk(properties, int(shape.size()), shape.data()), name);
+  if (size_t(found) != rank) fail("data set '{}': {} dimensions in its chunks found, {} needed", name, found, rank);
+  return shape;
+}
+
 Handle text_type(size_t size, H5T_str_t padding, H5T_cset_t characters) {
   Handle type(H5Tcopy(H5T_C_S1), H5Tclose);
   checked(H5Tset_size(type, size));

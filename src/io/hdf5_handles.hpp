@@ -55,6 +55,9 @@ class Handle {
 // \throws IoError unless the file is a complete HDF5 file
 Handle open_hdf5(const std::string& path, hid_t access = H5P_DEFAULT);
 
+// The shape of a chunk of a data set with these creation properties. \throws IoError if the rank is not `rank`
+std::vector<hsize_t> chunk_shape(hid_t properties, size_t rank, const std::string& name);
+
 Handle text_type(size_t size, H5T_str_t padding, H5T_cset_t characters);
 Handle space_of(const Shape& shape);
 

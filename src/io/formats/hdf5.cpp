@@ -12,8 +12,6 @@
 #include "io/formats/hdf5_sink.hpp"
 #include "io/formats/matlab.hpp"
 #include "io/guard/claims.hpp"
-#include "io/guard/hdf5_bytes.hpp"
-#include "io/guard/hdf5_chunks.hpp"
 #include "io/naming.hpp"
 #include "io/text.hpp"
 
@@ -27,7 +25,7 @@ namespace {
 struct Node {
   std::string name;
   Handle id, type, space;
-  std::function<herr_t(hid_t memory_type, void* to, hid_t transfer)> read;
+  std::function<herr_t(hid_t memory_type, void* to)> read;
   bool is_attribute;
 };
 
@@ -39,21 +37,15 @@ Node open_attribute(hid_t object, const std::string& name) {
           std::move(id),
           std::move(type),
           std::move(space),
-          [raw](hid_t memory_type, void* to, hid_t) { return H5Aread(raw, memory_type, to); },
+          [raw](hid_t memory_type, void* to) { return H5Aread(raw, memory_type, to); },
           true};
 }
 
-// Refuses values in other files, because a data set could then refer to any file that the user may read. Also refuses
-// the filters nbit and scaleoffset: for them the HDF5 library uses the number of bits in the file without a check, and
-// can write beyond its buffers.
+// Refuses values in other files, because a data set could then refer to any file that the user may read.
 void check_storage(hid_t data, const std::string& name) {
   const Handle properties(H5Dget_create_plist(data), H5Pclose, name);
   if (checked(H5Pget_layout(properties), name) == H5D_VIRTUAL || checked(H5Pget_external_count(properties), name) > 0)
     fail("data set '{}': values in other files found, the values themselves needed", name);
-  for (const Filter& filter : filters_of(properties, name))
-    if (filter.kind == H5Z_FILTER_NBIT || filter.kind == H5Z_FILTER_SCALEOFFSET)
-      fail("data set '{}': filter '{}' found, which tokid does not read; convert the file: h5repack -f GZIP=4", name,
-           filter.kind == H5Z_FILTER_NBIT ? "nbit" : "scaleoffset");
 }
 
 Node data_set_of(Handle id, const std::string& name) {
@@ -64,12 +56,7 @@ Node data_set_of(Handle id, const std::string& name) {
           std::move(id),
           std::move(type),
           std::move(space),
-          [raw, name](hid_t memory_type, void* to, hid_t transfer) -> herr_t {
-            auto packed = PackedChunks::of(raw, name, memory_type, 0);
-            if (!packed) return H5Dread(raw, memory_type, H5S_ALL, H5S_ALL, transfer, to);
-            packed->read_all(to);
-            return 0;
-          },
+          [raw](hid_t memory_type, void* to) { return H5Dread(raw, memory_type, H5S_ALL, H5S_ALL, H5P_DEFAULT, to); },
           false};
 }
 
@@ -80,36 +67,17 @@ Shape shape_of(const Node& node) {
   return Shape(dims.begin(), dims.end());
 }
 
-// Checks the sizes of chunks. The library unpacks a whole chunk even if few of its values are needed, and converts the
-// chunk in another buffer. The packed chunk may have the same size again. So three times the size of a chunk must fit
-// into memory. The library also keeps about a kilobyte for each chunk, even for chunks that were never written. A
-// written chunk takes at least the bytes of its address in the file, which limits the number of written chunks.
-void check_chunks(const Node& node, const Shape& shape, hid_t properties, size_t item, const Claims& claims) {
-  constexpr std::uint64_t kept = 1024, address = 8, most_unwritten = 65536;
-  const auto chunk = chunk_shape(properties, shape.size(), node.name);
-  claims.check(node.name, Shape(chunk.begin(), chunk.end()), 0, 3 * std::max(item, sizeof(double)));
-  Shape chunks;
-  for (size_t i = 0; i < shape.size(); ++i) {
-    const size_t size = size_t(chunk[i]);
-    chunks.push_back(shape[i] / size + (shape[i] % size > 0 ? 1 : 0));
-  }
-  const std::uint64_t count = checked_product(chunks);
-  if (count > std::min(claims.left() / kept, std::max(most_unwritten, claims.file_bytes() / address)))
-    fail("data set '{}': {} chunks found in a file of {} bytes, fewer and larger ones needed: h5repack -l CONTI",
-         node.name, count, claims.file_bytes());
-  if (filters_of(properties, node.name).empty())
-    Hdf5Bytes(node.id, node.name, claims.file_bytes())
-        .check_chunks(checked_product(Shape(chunk.begin(), chunk.end()), item));
-  check_index(node.id, node.name, shape, chunk);
-}
-
-// The largest number of bytes to which one stored byte can unpack; 0 if this number is unknown.
-std::uint64_t expansion(hid_t properties, const std::string& name) {
-  const auto filters = filters_of(properties, name);
-  if (!PackedChunks::knows(filters)) return 0;
-  const bool packed = std::any_of(filters.begin(), filters.end(),
-                                  [](const Filter& filter) { return filter.kind == H5Z_FILTER_DEFLATE; });
-  return packed ? best_compression : 1;
+// The library reads a missing chunk as zeros, whether it was never written or the index of chunks is damaged.
+void check_chunks(const Node& node, const Shape& shape, hid_t properties) {
+  const std::vector<hsize_t> chunk = chunk_shape(properties, shape.size(), node.name);
+  hsize_t needed = 1, found = 0;
+  for (size_t axis = 0; axis < shape.size(); ++axis) needed *= (shape[axis] + chunk[axis] - 1) / chunk[axis];
+  checked(H5Dget_num_chunks(node.id, node.space, &found), node.name);
+  if (found != needed)
+    fail(
+        "data set '{}': {} of its {} chunks found, because the others were never written or the index is damaged. "
+        "Write all values, NaN for missing samples",
+        node.name, found, needed);
 }
 
 // Checks that the file contains as many values as the shape states. A data set in one piece that was never written
@@ -121,21 +89,9 @@ void check_stored(const Node& node, const Shape& shape, size_t memory_item, Clai
   const std::uint64_t bytes = checked_product(shape, item);
   if (node.is_attribute || bytes == 0) return;
   const Handle properties(H5Dget_create_plist(node.id), H5Pclose, node.name);
-  const H5D_layout_t layout = checked(H5Pget_layout(properties), node.name);
-  if (layout == H5D_CHUNKED) check_chunks(node, shape, properties, item, claims);
-  const hsize_t stored = H5Dget_storage_size(node.id);
-  // If a data set has too few values, the library copies the bytes behind them.
-  if (((layout == H5D_CONTIGUOUS && stored > 0) || layout == H5D_COMPACT) && stored < bytes)
-    fail("data set '{}': {} stored bytes found, {} needed for shape {}", node.name, stored, bytes, text(shape));
-  // The library copies as many bytes of a fill value as the type has. In a damaged file the fill value may have fewer
-  // bytes.
-  H5D_fill_value_t value = H5D_FILL_VALUE_DEFAULT;
-  checked(H5Pfill_value_defined(properties, &value), node.name);
-  if (layout == H5D_CONTIGUOUS && stored == 0 && value == H5D_FILL_VALUE_USER_DEFINED)
-    fail("data set '{}': shape {} found, but none of its values was ever written: write the values", node.name,
-         text(shape));
-  const std::uint64_t factor = layout == H5D_CHUNKED ? expansion(properties, node.name) : 1;
-  if (bytes > most_unwritten && (stored == 0 || (factor > 0 && bytes / factor > stored)))
+  if (checked(H5Pget_layout(properties), node.name) == H5D_CHUNKED)
+    check_chunks(node, shape, properties);
+  else if (bytes > most_unwritten && H5Dget_storage_size(node.id) < bytes)
     fail("data set '{}': shape {} ({} bytes) found, but most of its values were never written: write the values",
          node.name, text(shape), bytes);
 }
@@ -149,64 +105,26 @@ std::string fixed_text(const char* bytes, size_t size, H5T_str_t padding) {
 std::vector<std::string> read_fixed_texts(const Node& node, size_t count) {
   const size_t size = H5Tget_size(node.type);
   std::vector<char> bytes(checked_product({count, size}));
-  checked(node.read(node.type, bytes.data(), H5P_DEFAULT), node.name);
+  checked(node.read(node.type, bytes.data()), node.name);
   const H5T_str_t padding = H5Tget_strpad(node.type);
   std::vector<std::string> texts;
   for (size_t i = 0; i < count; ++i) texts.push_back(fixed_text(bytes.data() + i * size, size, padding));
   return texts;
 }
 
-// Allocates memory for a text. Many entries may refer to one long text, and each entry gets a copy. All copies together
-// must fit into the memory limit.
-void* allocate_within(size_t bytes, void* left) {
-  auto& budget = *static_cast<std::uint64_t*>(left);
-  if (bytes > budget) return nullptr;
-  budget -= bytes;
-  return std::malloc(bytes);
-}
-void free_text(void* text, void*) { std::free(text); }
-
-std::vector<std::string> read_variable_texts(const Node& node, size_t count, const Claims& claims) {
-  const Handle character(H5Tget_super(node.type), H5Tclose, node.name);
-  if (H5Tget_size(character) != 1)  // the library allocates memory for characters of this size
-    fail("data set '{}': texts with characters of {} bytes found, 1 byte needed", node.name, H5Tget_size(character));
-  if (!node.is_attribute && H5Dget_storage_size(node.id) == 0) return std::vector<std::string>(count);
-  // For attributes, the library does not allow another allocator. So the memory is checked before: each text may be as
-  // long as the file.
-  if (node.is_attribute && count > 1) claims.check(node.name, {count}, 1, claims.file_bytes());
-  const Hdf5Bytes bytes(node.id, node.name, claims.file_bytes());
-  const auto entries = node.is_attribute ? bytes.attribute(node.name) : bytes.values();
-  // The library uses the entries without a check, and can write beyond its buffers. So entries are not read if they
-  // cannot be checked.
-  if (!entries && node.is_attribute)
-    fail(
-        "attribute '{}': its text is not stored in the header of its object, so it can't be checked; write fewer "
-        "attributes or a data set",
-        node.name);
-  if (!entries)
-    fail(
-        "data set '{0}': texts of variable length in chunks found, contiguous ones needed: "
-        "h5repack -l {0}:CONTI -f {0}:NONE, or texts of a fixed length",
-        node.name);
-  if (entries->bytes < checked_product({count, H5Tget_size(node.type)})) fail("data set '{}': truncated", node.name);
-  bytes.check_texts(*entries);
-  std::uint64_t left = claims.left();
-  const Handle transfer(H5Pcreate(H5P_DATASET_XFER), H5Pclose, node.name);
-  checked(H5Pset_vlen_mem_manager(transfer, allocate_within, &left, free_text, nullptr), node.name);
+std::vector<std::string> read_variable_texts(const Node& node, size_t count) {
   std::vector<char*> pointers(count, nullptr);
-  const auto reclaim = [&](char** read) {
-    H5Dvlen_reclaim(node.type, node.space, node.is_attribute ? H5P_DEFAULT : hid_t(transfer), read);
-  };
+  const auto reclaim = [&](char** read) { H5Dvlen_reclaim(node.type, node.space, H5P_DEFAULT, read); };
   const std::unique_ptr<char*, decltype(reclaim)> owner(pointers.data(), reclaim);
-  checked(node.read(node.type, pointers.data(), transfer), node.name);
+  checked(node.read(node.type, pointers.data()), node.name);
   std::vector<std::string> texts;
   texts.reserve(count);
   for (const char* pointer : pointers) texts.emplace_back(pointer ? pointer : "");
   return texts;
 }
 
-std::vector<std::string> read_texts(const Node& node, size_t count, const Claims& claims) {
-  auto texts = checked(H5Tis_variable_str(node.type), node.name) > 0 ? read_variable_texts(node, count, claims)
+std::vector<std::string> read_texts(const Node& node, size_t count) {
+  auto texts = checked(H5Tis_variable_str(node.type), node.name) > 0 ? read_variable_texts(node, count)
                                                                      : read_fixed_texts(node, count);
   for (const auto& text : texts)
     if (!utf32_from(text)) fail("data set '{}': invalid bytes found, UTF-8 text needed", node.name);
@@ -221,56 +139,30 @@ std::string foreign_kind(const Node& node, H5T_class_t type) {
   return complex ? "complex numbers" : "records (a compound type)";
 }
 
-// Other integers are refused: when the library converts numbers that do not use all bits of their bytes, it can write
-// beyond its buffers.
-bool is_plain_integer(hid_t type) {
-  return H5Tget_precision(type) == 8 * H5Tget_size(type) && H5Tget_offset(type) == 0 && H5Tget_size(type) <= 8;
-}
-
-bool is_half_float(hid_t type) {
-  size_t sign = 0, exponent = 0, exponent_bits = 0, mantissa = 0, mantissa_bits = 0;
-  return H5Tget_size(type) == 2 && H5Tget_precision(type) == 16 && H5Tget_offset(type) == 0 &&
-         H5Tget_fields(type, &sign, &exponent, &exponent_bits, &mantissa, &mantissa_bits) >= 0 && sign == 15 &&
-         exponent == 10 && exponent_bits == 5 && mantissa == 0 && mantissa_bits == 10;
-}
-
-bool is_plain_float(hid_t type) {
-  for (const hid_t known : {H5T_IEEE_F64LE, H5T_IEEE_F32LE, H5T_IEEE_F64BE, H5T_IEEE_F32BE})
-    if (H5Tequal(type, known) > 0) return true;
-  return is_half_float(type);
-}
-
-bool is_plain_number(const Node& node, H5T_class_t type) {
-  if (type == H5T_FLOAT) return is_plain_float(node.type);
-  if (type == H5T_INTEGER) return is_plain_integer(node.type);
-  return type == H5T_ENUM && is_plain_integer(Handle(H5Tget_super(node.type), H5Tclose, node.name));
-}
-
 // If `with_numbers` is false, only the shape of numbers is read.
 Array read_node(const Node& node, Claims& claims, bool with_numbers = true) {
   const H5S_class_t extent = H5Sget_simple_extent_type(node.space);
   if (extent != H5S_SCALAR && extent != H5S_SIMPLE) return {{0}, Foreign{"nothing (an empty data space)"}};
   const Shape shape = shape_of(node);
   const H5T_class_t type = H5Tget_class(node.type);
-  const bool is_text = type == H5T_STRING, is_number = !is_text && is_plain_number(node, type);
+  const bool is_text = type == H5T_STRING, is_number = type == H5T_FLOAT || type == H5T_INTEGER || type == H5T_ENUM;
   check_stored(node, shape,
                is_text                     ? sizeof(std::string) + H5Tget_size(node.type)
                : is_number && with_numbers ? sizeof(double)
                                            : 0,
                claims);
   const size_t count = checked_product(shape);
-  if (is_text) return {shape, read_texts(node, count, claims)};
+  if (is_text) return {shape, read_texts(node, count)};
   if (!is_number) return {shape, Foreign{foreign_kind(node, type)}};
   if (!with_numbers) return {shape, std::vector<double>{}};
   std::vector<double> numbers(count);
-  if (count > 0) checked(node.read(H5T_NATIVE_DOUBLE, numbers.data(), H5P_DEFAULT), node.name);
+  if (count > 0) checked(node.read(H5T_NATIVE_DOUBLE, numbers.data()), node.name);
   return {shape, std::move(numbers)};
 }
 
 // ---- MATLAB's variables ----
 
-std::optional<std::string> matlab_class(hid_t object, const std::string& name, Claims& claims) {
-  Hdf5Bytes(object, name, claims.file_bytes()).check_attributes();
+std::optional<std::string> matlab_class(hid_t object, Claims& claims) {
   if (checked(H5Aexists(object, "MATLAB_class")) == 0) return std::nullopt;
   const Array array = read_node(open_attribute(object, "MATLAB_class"), claims);
   const auto* text = std::get_if<std::vector<std::string>>(&array.values);
@@ -281,11 +173,11 @@ Array matlab_value(Node node, const std::string& kind, Claims& claims);
 
 Array matlab_cell(const Node& node, const Shape& shape, Claims& claims) {
   std::vector<hobj_ref_t> references(checked_product(shape));
-  checked(node.read(H5T_STD_REF_OBJ, references.data(), H5P_DEFAULT), node.name);
+  checked(node.read(H5T_STD_REF_OBJ, references.data()), node.name);
   std::vector<std::string> texts;
   for (const auto& reference : references) {
     Handle object(H5Rdereference2(node.id, H5P_DEFAULT, H5R_OBJECT, &reference), H5Oclose, node.name);
-    if (H5Iget_type(object) != H5I_DATASET || matlab_class(object, node.name, claims) != "char")
+    if (H5Iget_type(object) != H5I_DATASET || matlab_class(object, claims) != "char")
       return {shape, Foreign{"a cell array of other things than texts"}};
     const Array item = matlab_value(data_set_of(std::move(object), node.name), "char", claims);
     const auto* text = std::get_if<std::vector<std::string>>(&item.values);
@@ -370,7 +262,7 @@ Handle open_object(hid_t root, const std::string& name) {
 
 Array read_link(hid_t root, const std::string& name, bool with_numbers, Layout& layout, Claims& claims) {
   Handle object = open_object(root, name);
-  const auto kind = matlab_class(object, name, claims);
+  const auto kind = matlab_class(object, claims);
   if (kind) layout = Layout::matlab;
   if (H5Iget_type(object) != H5I_DATASET) return {{}, Foreign{kind ? "a struct or sparse matrix" : "a group"}};
   Node node = data_set_of(std::move(object), name);
@@ -390,7 +282,6 @@ Contents read_hdf5(const std::filesystem::path& path, const Names& wanted, const
   for (const auto& name : contents.names)
     if (contains(wanted, name))
       contents.arrays.emplace_back(name, read_link(root, name, !contains(outlined, name), contents.layout, claims));
-  Hdf5Bytes(root, "/", claims.file_bytes()).check_attributes();
   const std::unordered_set<std::string> known(contents.names.begin(), contents.names.end());
   for (const auto& name : attribute_names(root)) {
     const bool is_new = known.count(name) == 0;

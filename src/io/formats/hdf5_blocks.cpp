@@ -17,11 +17,11 @@ Handle open_for_blocks(const std::filesystem::path& path) {
   const Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
   // Blocks are read in long runs. The library's buffer for short runs would only cause another copy.
   checked(H5Pset_sieve_buf_size(access, 1));
+  // The next block often begins within the chunks of the last one, which stay in memory.
+  constexpr size_t slots = 12421, kept_bytes = size_t{1} << 24;
+  checked(H5Pset_cache(access, 0, slots, kept_bytes, 0.75));
   return open_hdf5(path.string(), access);
 }
-
-// Limit of the memory for kept chunks. The next block often begins within these chunks.
-constexpr size_t kept_bytes = size_t{1} << 24;
 
 }  // namespace
 
@@ -31,10 +31,7 @@ Hdf5Source::Hdf5Source(const std::filesystem::path& path, const Unchanged& bytes
 }
 
 Hdf5Source::Samples::Samples(const Hdf5Source& source, const std::string& name)
-    : source_(source),
-      name_(name),
-      data_(H5Dopen2(source.file_, name.c_str(), H5P_DEFAULT), H5Dclose, name),
-      packed_(PackedChunks::of(data_, name, H5T_NATIVE_DOUBLE, kept_bytes)) {
+    : source_(source), name_(name), data_(H5Dopen2(source.file_, name.c_str(), H5P_DEFAULT), H5Dclose, name) {
   const Handle space(H5Dget_space(data_), H5Sclose, name);
   rank_ = checked(H5Sget_simple_extent_ndims(space), name);
   size_.resize(size_t(rank_));
@@ -55,14 +52,10 @@ Hdf5Source::Samples::Samples(const Hdf5Source& source, const std::string& name)
 
 void Hdf5Source::Samples::read(const Hyperslab& part, double* to) {
   const QuietHdf5 quiet;
-  if (packed_) {
-    packed_->read(part, to);
-  } else {
-    const Handle from = selected(data_, name_, part), memory = memory_of(part);
-    // If no values were written, the library may leave the numbers of the block before in the buffer.
-    if (offset_ < 0) std::fill_n(to, checked_product(Shape(part.count.begin(), part.count.end())), 0.0);
-    checked(H5Dread(data_, H5T_NATIVE_DOUBLE, memory, from, H5P_DEFAULT, to), name_);
-  }
+  const Handle from = selected(data_, name_, part), memory = memory_of(part);
+  // If no values were written, the library may leave the numbers of the block before in the buffer.
+  if (offset_ < 0) std::fill_n(to, checked_product(Shape(part.count.begin(), part.count.end())), 0.0);
+  checked(H5Dread(data_, H5T_NATIVE_DOUBLE, memory, from, H5P_DEFAULT, to), name_);
   source_.bytes_.check();
 }
 

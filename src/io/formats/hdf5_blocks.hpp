@@ -3,10 +3,8 @@
 #pragma once
 
 #include <filesystem>
-#include <optional>
 
 #include "io/guard/descriptor.hpp"
-#include "io/guard/hdf5_chunks.hpp"
 #include "io/hdf5_handles.hpp"
 
 namespace tokid::io {
@@ -31,7 +29,6 @@ class Hdf5Source {
     const Hdf5Source& source_;
     std::string name_;
     Handle data_;
-    std::optional<PackedChunks> packed_;
     int rank_ = 0;
     Index together_ = 1;
     std::int64_t offset_ = 0;  // position of the first byte of a data set in one piece; negative for other data sets

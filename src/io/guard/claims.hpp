@@ -30,13 +30,6 @@ class Claims {
   // file cannot contain, even compressed. It refuses a size that does not fit into memory in addition to the earlier
   // data sets. \throws IoError
   void add(std::string_view name, const Shape& shape, size_t stored_item_bytes, size_t memory_item_bytes);
-  // Checks a size whose memory is used only for a short time. \throws as add()
-  void check(std::string_view name, const Shape& shape, size_t stored_item_bytes, size_t memory_item_bytes) const {
-    Claims(*this).add(name, shape, stored_item_bytes, memory_item_bytes);
-  }
-
-  std::uint64_t file_bytes() const { return file_bytes_; }
-  std::uint64_t left() const { return left_; }
 
  private:
   std::uint64_t file_bytes_, left_;
