@@ -177,6 +177,26 @@ TEST(Subspace, ProjectionsSimulateBetterInColouredNoise) {
   }
 }
 
+// All six outputs depend on two of them, so that four block rows show only eight of the 13 states.
+TEST(Subspace, DependentOutputsNeedMoreBlockRows) {
+  for (const std::uint64_t seed : {1, 2, 3}) {
+    Model system = constant_system({13, 6, 1}, 100, 0.95, seed);
+    Random random(seed);
+    const Matrix mixing = random.matrix(4, 2);
+    for (Step& step : system.step) {
+      step.C().bottomRows(4) = mixing * step.C().topRows(2);
+      step.D().bottomRows(4) = mixing * step.D().topRows(2);
+    }
+    const Ensemble e = with_noise(random_experiments(system, 19, seed + 10), 1e-6, seed + 20);
+    const TimeVariation one_model{0.0, 1};
+    SubspaceOptions o;
+    o.states = 13;
+    o.variation = one_model;
+    const Model model = subspace(e, arx_of(e, 16, InitialState::zero, one_model), o);
+    EXPECT_GT(validate(model, e).one_step.fit.minCoeff(), 99.9) << seed;
+  }
+}
+
 TEST(Subspace, StatesAskedForAreAnUpperBound) {
   const Model system = random_system({4, 2, 2}, 30, 0.9, 24);
   const Ensemble e = random_experiments(system, 40, 25, 5.0);

@@ -10,8 +10,8 @@ namespace tokid {
 
 struct SubspaceOptions {
   Index states = 0;  // largest number of states per step; 0: the numerical rank, which is too large for noisy data
-  // f: block rows of the predictor. 0: p, but for up to 24 states with Weighting::one_step at most the number that
-  // gives 24 singular values.
+  // f: block rows of the predictor. 0: p, but with Weighting::one_step only as many as give 24 singular values, if these
+  // are at least twice as many as the states.
   Index future = 0;
   Weighting weighting = Weighting::one_step;
   TimeVariation variation = {};  // variation of the ARX model

@@ -285,7 +285,7 @@ OrderScores Folds::scores(Weighting weighting, double smoothing, Index least, In
 }
 
 // If the search comes near the number of singular values that the factors show, factors with all p block rows show
-// more.
+// more. realise() then uses them, too (SubspaceOptions::future).
 OrderScores Folds::choose_states(std::optional<Index> states, Index most, const Execution& execution) {
   const OrderScores found = choose_shown_states(states, most, execution);
   const PredictorFactors& factors = folds_.front().factors.at(options_.weightings.front());

@@ -218,10 +218,9 @@ PredictorFactors predictor_factors(const Windows& windows, const GtvArx& arx, co
   PredictorFactors result;
   result.lags = steps.lags;
   result.k_begin = steps.begin;
-  const Index shown = o.weighting == Weighting::one_step && o.states <= usually_shown
-                          ? ceil_div(usually_shown, arx.outputs)
-                          : steps.lags;
-  result.future = o.future > 0 ? o.future : std::min(steps.lags, shown);
+  const Index usual = std::min(steps.lags, ceil_div(usually_shown, arx.outputs));
+  const bool suffice = o.weighting == Weighting::one_step && 2 * o.states <= usual * arx.outputs;
+  result.future = o.future > 0 ? o.future : suffice ? usual : steps.lags;
   result.group.resize(size_t(steps.groups()));
   const std::vector<Matrix> weights = whiteners(arx, o);
   const std::vector<Past> past = pasts(steps, o);
