@@ -30,6 +30,7 @@ std::vector<hsize_t> chunk_shape(hid_t properties, size_t rank, const std::strin
   std::vector<hsize_t> shape(std::max<size_t>(1, rank));
   const int found = checked(H5Pget_chunk(properties, int(shape.size()), shape.data()), name);
   if (size_t(found) != rank) fail("data set '{}': {} dimensions in its chunks found, {} needed", name, found, rank);
+  if (std::find(shape.begin(), shape.end(), 0) != shape.end()) fail("data set '{}': chunks without values found", name);
   return shape;
 }
 

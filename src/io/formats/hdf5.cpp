@@ -1,8 +1,6 @@
 // HDF5, and the HDF5 that MATLAB writes as version 7.3 of its .mat.
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
-#include <array>
-#include <cstdlib>
 #include <cstring>
 #include <functional>
 #include <optional>
@@ -75,21 +73,23 @@ void check_chunks(const Node& node, const Shape& shape, hid_t properties) {
   checked(H5Dget_num_chunks(node.id, node.space, &found), node.name);
   if (found != needed)
     fail(
-        "data set '{}': {} of its {} chunks found, because the others were never written or the index is damaged. "
-        "Write all values, NaN for missing samples",
-        node.name, found, needed);
+        "data set '{}': {} chunks found, {} needed for shape {}: some were never written, or the index is damaged. Write "
+        "all values, NaN for missing samples",
+        node.name, found, needed, text(shape));
 }
 
 // Checks that the file contains as many values as the shape states. A data set in one piece that was never written
-// reads as zeros. Other programs use this, so it is allowed up to a limit.
+// reads as its fill value, usually zero. Other programs use this, so it is allowed up to a limit.
 void check_stored(const Node& node, const Shape& shape, size_t memory_item, Claims& claims) {
   constexpr std::uint64_t most_unwritten = std::uint64_t{1} << 28;
   const size_t item = H5Tget_size(node.type);
-  claims.add(node.name, shape, node.is_attribute ? item : 0, memory_item);
   const std::uint64_t bytes = checked_product(shape, item);
-  if (node.is_attribute || bytes == 0) return;
+  if (node.is_attribute) return claims.add(node.name, shape, item, memory_item);
   const Handle properties(H5Dget_create_plist(node.id), H5Pclose, node.name);
-  if (checked(H5Pget_layout(properties), node.name) == H5D_CHUNKED)
+  const bool chunks = checked(H5Pget_layout(properties), node.name) == H5D_CHUNKED;
+  claims.add(node.name, shape, chunks ? item : 0, memory_item);
+  if (bytes == 0) return;
+  if (chunks)
     check_chunks(node, shape, properties);
   else if (bytes > most_unwritten && H5Dget_storage_size(node.id) < bytes)
     fail("data set '{}': shape {} ({} bytes) found, but most of its values were never written: write the values",
