@@ -385,7 +385,7 @@ TEST(OutlyingSamples, AreNoneOfAnUnusualInitialState) {
         for (Index k = begin; k < (begin == 0 ? 61 : begin + 1); ++k) e.y(0, k, 1) += 3;
         const Validation v = validate(model, e);
         if (begin == 0) {
-          if (count > 1) EXPECT_FALSE(v.outlying.empty()) << seed;  // one experiment has no others beside it
+          EXPECT_TRUE(count == 1 || !v.outlying.empty()) << seed;  // one experiment has no others beside it
           continue;
         }
         EXPECT_EQ(std::ranges::count(outlying_steps(v, 0, 1), 30), 1) << count << ' ' << seed;

@@ -37,9 +37,9 @@ struct Stage {
   Index iterations = 0;
   bool warm_up = false;
 };
-// Each attempt has the stages `first`. The best attempts then go on in stages that double their iterations. If steps
-// share their matrices, EM needs many iterations, but an iteration takes less time. With a jump, a large λ shows only
-// after more iterations that it is the best.
+// Each attempt has the first stages. If steps do not share their matrices, the best attempts then go on in stages that
+// double their iterations. If steps share their matrices, EM needs many iterations, but an iteration takes less time.
+// With a jump, a large λ shows only after more iterations that it is the best.
 class Stages {
  public:
   explicit Stages(const RefineOptions& o) {
@@ -190,7 +190,7 @@ class Folds::RefinementSearch {
       finish();
   }
 
-  // After all attempts of the search.
+  // Gives EM up if it is lost. Otherwise drops needless jumps, and lets the attempts go on.
   void finish() {
     if (lost()) attempts_.clear();
     if (attempts_.empty() || folds_.pooled() || raced_) return;
@@ -411,11 +411,12 @@ class Folds::RefinementSearch {
   }
 
   // The attempts go on until EM converges, until neither the likelihood nor the errors improve, or until
-  // `most_iterations`. Before each stage, those are left out that are significantly less likely than another one.
+  // `most_iterations`. Before each stage, those are left out that are significantly less likely than another
+  // one that goes on.
   void race() {
     std::vector<Attempt> racing;
     for (const Attempt& a : attempts_)
-      if (a.iterations == stages().first_end()) racing.push_back(a);
+      if (a.iterations == stages().first_end() && !a.converged) racing.push_back(a);
     while (!racing.empty()) {
       const Likelihood most = likeliest(racing)->likelihood;
       std::vector<Attempt> improved;
