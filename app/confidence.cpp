@@ -15,8 +15,6 @@ struct Call {
   fs::path model, data, output;  // `data`: how reports name the paths
   ReadOptions read;
   ConfidenceOptions options;
-  Index replicates = 0;    // of the bootstrap; 0: default
-  std::uint64_t seed = 0;  // of the bootstrap; 0: default
   bool json = false;
 };
 
@@ -130,26 +128,19 @@ std::string report(const Call& call, const Model& model, const Ensemble& data, c
   page.row("", describe(data));
   page.row("Bounds",
            fmt::format("{} % for each value by itself, from {} experiments", number(100 * c.level), c.experiments));
-  page.row("", c.method == BoundsMethod::factors
-                   ? fmt::format("by the factors of the regressions, lag order {}; {:.0f} degrees of freedom", c.lags,
-                                 c.freedom)
-                   : fmt::format("by {} over experiments; {:.0f} degrees of freedom",
-                                 plural(c.replicates, "bootstrap replicate"), c.freedom));
+  page.row("", fmt::format("by {} over experiments; {:.0f} degrees of freedom",
+                           plural(c.replicates, "bootstrap replicate"), c.freedom));
   if (c.smoothing > 0) {
     const std::vector<double> bias(c.bias.begin(), c.bias.end());
     page.row("Smoothing", fmt::format("the bias of lambda = {} is included: {} times the scatter at the median step",
                                       number(c.smoothing), number(median(bias))));
   }
   page.row("Half widths", "over the size of the estimates: median over the steps, and largest");
-  const Widths markov = markov_widths(c), simulated = output_widths(c.simulated, model),
-               predicted = output_widths(c.predicted, model);
+  const Widths markov = markov_widths(c), simulated = output_widths(c.simulated, model);
   std::vector<std::vector<std::string>> rows{{"output", "Markov", "largest at step", "simulation", "largest at step"}};
-  if (!predicted.share.empty()) rows.front().emplace_back("new one-step");
-  for (Index j = 0; j < model.outputs; ++j) {
+  for (Index j = 0; j < model.outputs; ++j)
     rows.push_back({output_label(model.names, j), share(markov.typical(j)), share_at_worst(markov, j),
                     share(simulated.typical(j)), share_at_worst(simulated, j)});
-    if (!predicted.share.empty()) rows.back().push_back(share(predicted.typical(j)));
-  }
   page.table(rows);
   if (model.inputs > 0) add_pulse_errors(model, c, page);
   const Eigenvalues e = eigenvalues(c.spectrum);
@@ -175,12 +166,11 @@ Json json(const Call& call, const Model& model, const Confidence& c) {
   Json j;
   j["model"] = call.model.string();
   j["data"] = json_of(call.paths);
-  j["method"] = to_string(c.method);
   j["level"] = c.level;
   j["experiments"] = c.experiments;
   j["lags"] = c.lags;
   j["freedom"] = c.freedom;
-  if (c.method == BoundsMethod::bootstrap) j["replicates"] = c.replicates;
+  j["replicates"] = c.replicates;
   if (c.smoothing > 0) {
     j["smoothing"] = c.smoothing;
     j["bias"] = numbers(c.bias);
@@ -197,7 +187,6 @@ Json json(const Call& call, const Model& model, const Confidence& c) {
     for (Index i = 0; i < values->rows(); ++i) j[name].push_back(numbers(values->row(i).transpose()));
   }
   j["simulation_half_width"] = summary(output_widths(c.simulated, model));
-  j["prediction_half_width"] = summary(output_widths(c.predicted, model));
   const Eigenvalues e = eigenvalues(c.spectrum);
   j["eigenvalues"] = {{"total", e.total}, {"bounded", e.bounded}, {"zero", e.fixed}, {"half_width", e.width}};
   add_findings(j, c.findings);
@@ -214,13 +203,8 @@ void run(const Call& call) {
     ProgressBar bar(true);
     ConfidenceOptions options = call.options;
     options.execution.progress = bar.callback();
-    if (call.replicates > 0) options.replicates = call.replicates;
-    if (call.seed > 0) options.seed = call.seed;
     return about(call.data, [&] { return confidence(model, data, options); });
   }();
-  if ((call.replicates > 0 || call.seed > 0) && result.method != BoundsMethod::bootstrap)
-    result.findings.push_back(
-        {.kind = Finding::Kind::option_without_effect, .detail = call.replicates > 0 ? "--replicates" : "--seed"});
   Findings findings = remarks(model, data);
   append(findings, std::move(result.findings));
   append(findings, differences(model, data));
@@ -248,19 +232,14 @@ void add_confidence(CLI::App& tool) {
   command.columns(call->read);
   command.number<double>("--level", o.level, "P", "Probability that an interval holds the truth (default 0.95)", 1e-6,
                          1 - 1e-9);
-  command.choice(
-      "--method", o.method,
-      Choices<std::optional<BoundsMethod>>{
-          {"auto", std::nullopt}, {"factors", BoundsMethod::factors}, {"bootstrap", BoundsMethod::bootstrap}},
-      "Bounds from the factors of the regressions or by a bootstrap (auto: bootstrap if steps are smoothed, refined or pooled)");
-  command.number<Index>("--replicates", call->replicates, "B", "Number of replicates of the bootstrap (default 200)", 2,
+  command.number<Index>("--replicates", o.replicates, "B", "Number of replicates of the bootstrap (default 200)", 2,
                         1'000'000);
   command.count_or_auto("--band", o.band,
                         "Largest number of steps between input and output of a Markov parameter "
                         "(auto: twice the steps that determine a state)");
   command.number<Index>("--reference-step", o.reference_step, "s",
                         "Step of the frame of the eigenvalues (default: the first with all states)", 0, 1'000'000);
-  command.number<std::uint64_t>("--seed", call->seed, "S", "Seed of the bootstrap (default 1)", 1);
+  command.number<std::uint64_t>("--seed", o.seed, "S", "Seed of the bootstrap (default 1)", 1);
   command.threads(o.execution.threads);
   command.flag("--json", call->json, "Print one JSON object");
   command.runs([call] { run(*call); });

@@ -414,7 +414,6 @@ TEST(Check, InfiniteSamplesAreRefusedByEachFunction) {
   IdentifyOptions options{.states = 4, .lags = 2, .initial_state = InitialState::zero};
   const Identification result = identify(data, options);
   const Model& model = result.model;
-  const GtvArx arx = gtv_arx(data, {.lags = {2}, .noise_shape = true});
   ASSERT_TRUE(model.has(&Step::has_innovation_cov));
   const std::pair<const char*, std::function<void(const Ensemble&)>> calls[] = {
       {"simulate_data", [&](const Ensemble& e) { simulate_data(model, e); }},
@@ -435,8 +434,6 @@ TEST(Check, InfiniteSamplesAreRefusedByEachFunction) {
          bootstrap(
              model, e, [&](const Ensemble&) { return model; }, [](const Model&) { return Vector::Ones(1); });
        }},
-      {"simulation_bounds", [&](const Ensemble& e) { simulation_bounds(arx, e); }},
-      {"prediction_bounds", [&](const Ensemble& e) { prediction_bounds(arx, e); }},
       {"gtv_arx", [&](const Ensemble& e) { gtv_arx(e, {.lags = {2}}); }},
       {"lag_order_errors", [&](const Ensemble& e) { lag_order_errors(e); }},
       {"choose_smoothing", [&](const Ensemble& e) { choose_smoothing(e, {.lags = {2}}); }},
@@ -468,11 +465,12 @@ TEST(Survey, AnInputOfOneExperimentAloneIsNotTheSameInAll) {
   for (Index n = 0; n < 3; ++n) e.u(n, 2, 0) = 5;
   e.names.input_names = {"thrust"};
   set_length(e, {4, 6, 4});
-  EXPECT_EQ(in_words(findings_of_inputs(survey(e, 0, 6), e.names)),
-            (std::vector<std::string>{
-                "input thrust is the same in every experiment at step 2: its effect at these steps can't be separated from the mean "
-                "motion. Vary this input from experiment to experiment",
-                "only one experiment has samples of input thrust at steps 4–5: its effect at these steps can't be identified"}));
+  EXPECT_EQ(
+      in_words(findings_of_inputs(survey(e, 0, 6), e.names)),
+      (std::vector<std::string>{
+          "input thrust is the same in every experiment at step 2: its effect at these steps can't be separated from the mean "
+          "motion. Vary this input from experiment to experiment",
+          "only one experiment has samples of input thrust at steps 4–5: its effect at these steps can't be identified"}));
   Survey parts = survey(e, 0, 3);
   parts.append(survey(e, 3, 6), 3);
   EXPECT_EQ(parts.alone, survey(e, 0, 6).alone);

@@ -281,19 +281,6 @@ TEST(Feedthrough, RegressionsOfFullRankLackNothing) {
     EXPECT_TRUE(half.leftCols(2).isZero(0.0));  // D is known exactly
 }
 
-// The regressors of one-step predictions are those of the regressions, without u_k.
-TEST(Feedthrough, PredictionBoundsLieAroundThePredictions) {
-  const Ensemble e = random_experiments(without_feedthrough(random_system({4, 2, 2}, 20, 1.0, 81)), 40, 82);
-  const GtvArx arx = gtv_arx(e, {.lags = {2}, .feedthrough = false});
-  const OutputBounds bounds = prediction_bounds(arx, e);
-  for (Index k = 6; k < 20; ++k) {
-    const Interval& step = bounds.step[size_t(k)];
-    EXPECT_LE((step.lower - step.upper).norm(), 1e-6 * e.output(k).norm()) << k;  // the data are exact
-    // Rounding errors of regressions with 8 unknowns.
-    EXPECT_LE((0.5 * (step.lower + step.upper) - e.output(k)).norm(), 1e-8 * e.output(k).norm()) << k;
-  }
-}
-
 // An input that responds to the output of its own step is no sign against a model without feedthrough.
 TEST(Feedthrough, FeedbackInTheSameStepIsNoSignAgainstTheModel) {
   const Model plant = reacting_plant(60);

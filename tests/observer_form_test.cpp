@@ -107,7 +107,7 @@ TEST(ObserverForm, IsAModelOfExactData) {
     model.check();
     EXPECT_EQ(model.states(), 4);
     EXPECT_TRUE(!feedthrough || output_error(e, simulate(model, e)) <= 1e-9);
-    const Confidence bounds = confidence(model, e, {.method = BoundsMethod::bootstrap, .replicates = 20});
+    const Confidence bounds = confidence(model, e, {.replicates = 20});
     EXPECT_TRUE(bounds.findings.empty());
   }
 }

@@ -449,32 +449,6 @@ Regression regression(const ConstMatrixRef& moments, Index regressors) {
   return {x.transpose(), all.bottomRightCorner(right, right) - x.transpose() * cross};
 }
 
-std::vector<Exact> deviations(const GtvArx& arx, const std::vector<Matrix>& inputs, Index begin, bool noise) {
-  const Index steps = arx.steps(), m = arx.outputs, runs = inputs[0].cols();
-  const Responses carried = responses(arx, steps);
-  std::vector<Exact> u, y, leverages, result;
-  for (Index k = 0; k < steps; ++k) {
-    u.push_back(exact(inputs[size_t(k)]));
-    y.emplace_back(Exact::Zero(m, runs));
-    leverages.emplace_back(Exact::Zero(1, runs));
-    result.emplace_back(Exact::Zero(m, runs));
-    if (k < begin) continue;
-    const Index lags = arx.step[size_t(k)].lags, d = arx.inputs + m;
-    Exact window(arx.regressors(k), runs);
-    for (Index j = 1; j <= lags; ++j) window.middleRows((lags - j) * d, d) << u[size_t(k - j)], y[size_t(k - j)];
-    window.bottomRows(arx.inputs) = u[size_t(k)];
-    y[size_t(k)] = exact(arx.coefficients(k)) * window;
-    leverages[size_t(k)] = (exact(arx.noise_shape(k)).transpose() * window).colwise().squaredNorm();
-    if (noise) leverages[size_t(k)].array() += Real(1);
-    for (Index s = begin; s <= k; ++s) {
-      const Exact w = s < k ? Exact(-carried.gain[size_t(k)].middleCols((k - s - 1) * m, m)) : identity(m);
-      result[size_t(k)] += (w * exact(arx.residual_cov(s)) * w.transpose()).diagonal() * leverages[size_t(s)];
-    }
-    result[size_t(k)] = result[size_t(k)].cwiseSqrt().eval();
-  }
-  return result;
-}
-
 }  // namespace tokid::testing::oracle
 
 namespace tokid::testing::textbook {

@@ -99,8 +99,4 @@ struct Regression {
 };
 Regression regression(const ConstMatrixRef& moments, Index regressors);
 
-// (T) of (m × N): standard errors of the outputs of the ARX recursion for these inputs ((T) of r × N), from step
-// `begin` on; `noise`: those of measured outputs.
-std::vector<Exact> deviations(const GtvArx& arx, const std::vector<Matrix>& inputs, Index begin, bool noise);
-
 }  // namespace tokid::testing::oracle

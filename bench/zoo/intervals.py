@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Counts how often the intervals of `tokid confidence` hold the true pulse responses.
 
-    bench/zoo/intervals.py --tool build/bin/tokid [--plants REGEX] [--experiments N] [--seeds S] [--method M ...]
+    bench/zoo/intervals.py --tool build/bin/tokid [--plants REGEX] [--experiments N] [--seeds S]
 
-Prints one line for each plant and method: the share of the entries h(k, i) whose nominal 95 % interval holds the truth,
+Prints one line for each plant: the share of the entries h(k, i) whose nominal 95 % interval holds the truth,
 away from the jumps of the plant and near them, and the size of the intervals. An entry is near a jump if a step from i
 to k is within 10 steps of it. The experiments are those of the linear truth, so that only the identification errs.
 """
@@ -74,19 +74,16 @@ def counts(file, truth, factor):
     return np.array(sums)
 
 
-def measure(tool, plant, condition, seed, methods=("auto",), replicates=100):
-    """One ensemble: for each method the counts, the seconds of identify and confidence, and the kinds of findings."""
-    truth, found = truth_of(plant, condition), {}
+def measure(tool, plant, condition, seed, replicates=100):
+    """One ensemble: the counts, the seconds of identify and confidence, and the kinds of findings."""
+    truth = truth_of(plant, condition)
     with tempfile.TemporaryDirectory() as folder:
         data, model, bounds = (Path(folder, name) for name in ("data.npz", "model.npz", "bounds.npz"))
         u_scale, y_scale = make_data(f"{plant}/{condition.name}/{seed}", condition, truth, data, nonlinear=False)
         _, identified = run(tool, "identify", data, "-o", model)
-        for method in methods:
-            options = [] if method == "factors" else ["--replicates", replicates]
-            report, seconds = run(tool, "confidence", model, data, "-o", bounds, "--method", method, *options)
-            kinds = {finding["kind"] for finding in report["findings"]} - {"option_without_effect"}
-            found[method] = counts(np.load(bounds), truth, y_scale[:, None] / u_scale), identified, seconds, kinds
-    return found
+        report, seconds = run(tool, "confidence", model, data, "-o", bounds, "--replicates", replicates)
+        kinds = {finding["kind"] for finding in report["findings"]}
+        return counts(np.load(bounds), truth, y_scale[:, None] / u_scale), identified, seconds, kinds
 
 
 def shown(sums):
@@ -106,24 +103,22 @@ def main():
     parser.add_argument("--initial", choices=["zero", "unknown"], default="zero")
     parser.add_argument("--seeds", type=int, default=5, help="number of ensembles")
     parser.add_argument("--first", type=int, default=1, help="seed of the first ensemble")
-    parser.add_argument("--method", nargs="+", choices=["auto", "factors", "bootstrap"], default=["auto", "factors"])
     parser.add_argument("--replicates", type=int, default=100)
     given = parser.parse_args()
 
-    print(f"{'':34} {'away from jumps':^27}   {'near a jump':^27}")
-    print(f"{'plant':18} {'N':>4} {'method':>10}  " + "   ".join([" holds  width  error finite"] * 2)
+    print(f"{'':23} {'away from jumps':^27}   {'near a jump':^27}")
+    print(f"{'plant':18} {'N':>4}  " + "   ".join([" holds  width  error finite"] * 2)
           + "   identify  bounds  findings")
     for plant in [name for name in EVERY if re.fullmatch(given.plants, name)]:
         for experiments in given.experiments:
             condition = Condition(experiments=experiments, noise=given.noise, initial=given.initial)
             seeds = range(given.first, given.first + given.seeds)
-            found = [measure(given.tool, plant, condition, seed, given.method, given.replicates) for seed in seeds]
-            for method in given.method:
-                sums, identified, seconds, kinds = zip(*(each[method] for each in found))
-                away, near = sum(sums)
-                print(f"{plant:18} {experiments:4} {method:>10}  {shown(away)}   {shown(near)}   "
-                      f"{np.mean(identified):6.1f} s {np.mean(seconds):5.1f} s  {' '.join(sorted(set.union(*kinds)))}",
-                      flush=True)
+            sums, identified, seconds, kinds = zip(*(measure(given.tool, plant, condition, seed, given.replicates)
+                                                     for seed in seeds))
+            away, near = sum(sums)
+            print(f"{plant:18} {experiments:4}  {shown(away)}   {shown(near)}   "
+                  f"{np.mean(identified):6.1f} s {np.mean(seconds):5.1f} s  {' '.join(sorted(set.union(*kinds)))}",
+                  flush=True)
 
 
 if __name__ == "__main__":

@@ -190,7 +190,7 @@ def test_measured_ensembles_stand_beside_their_rivals(tmp_path):
 @pytest.mark.parametrize("noise", ["low", "high"])
 def test_intervals_hold_the_truth_near_jumps_too(noise):
     condition = Condition(experiments=15, noise=noise)
-    found = [measure(os.environ["TOKID"], "stiffness_jump", condition, seed, replicates=20)["auto"][0]
+    found = [measure(os.environ["TOKID"], "stiffness_jump", condition, seed, replicates=20)[0]
              for seed in (1, 2, 3)]
     held, judged, finite = sum(found)[:, :3].T
     assert (judged == finite).all()

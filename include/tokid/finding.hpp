@@ -166,17 +166,12 @@ struct Finding {
     update_states_below,     // numbers: asked, found
     // bounds
     bounds_of_other_data,
-    bounds_of_regressions,  // detail: the method of the model
-    bounds_without_free_responses,
     no_eigenvalue_bounds,   // detail: the reason
-    infinite_bounds,        // steps
     replicates_failed,      // numbers: failed, replicates
     bounds_of_other_model,  // the options and the data do not reproduce the model
-    bounds_too_narrow,      // numbers: agreement [%]
     bounds_with_bias,       // steps; numbers: smoothing, largest
     bounds_without_bias,    // numbers: smoothing
     bounds_of_constant_system,
-    option_without_effect,  // detail: the option that bounds from the factors ignore
     // plans of experiments
     plan_of_departures,
     plan_windows_sampled,  // numbers: inputs, sampled, windows

@@ -1,44 +1,26 @@
-// Confidence bounds of estimates, from the factors of the regressions or by a bootstrap over experiments. The bounds
-// measure random errors, and confidence() adds the bias of smoothing over time. They do not include another bias, for
-// example of a lag order that is too small.
+// Confidence bounds of estimates, by a bootstrap over experiments. The bounds measure random errors, and confidence()
+// adds the bias of smoothing over time. They do not include another bias, for example of a lag order that is too small.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
 #include <complex>
 #include <cstdint>
 #include <functional>
-#include <optional>
 #include <string>
 #include <vector>
 
-#include "tokid/gtv_arx.hpp"
 #include "tokid/io.hpp"
 #include "tokid/model.hpp"
-#include "tokid/tvera.hpp"
 
 namespace tokid {
 
-// Each entry alone has its true value between `lower` and `upper` with the probability `level`. Bounds are infinite if
-// no degree of freedom is left to estimate the noise, and NaN without an estimate.
+// Each entry alone has its true value between `lower` and `upper` with the probability `level`. NaN without an
+// estimate.
 struct Interval {
   Matrix estimate;
   Matrix deviation;  // standard error
   Matrix lower, upper;
 };
-
-struct BoundsOptions {
-  double level = 0.95;  // 0 < level < 1
-  Execution execution = {};
-};
-
-// Bounds from the factors of the regressions
-//
-// The coefficients M_l of different steps l have uncorrelated errors dM_l, of covariance residual_cov ⊗ X·Xᵀ
-// (GtvArx::noise_shape). To first order, dM_l changes the output of the recursion (17) at step k by Σ_l Ψ_{k,l} dM_l
-// ω_l. ω_l is the window at step l with the outputs of the recursion. Ψ_{k,l} is the effect of an innovation at l on
-// the output at k: I for k = l, else -h°_{k,l}. The interval is a quantile of Student's t times the standard error. The
-// degrees of freedom are combined from those of all steps by their variances (Welch, Satterthwaite). All functions
-// \throw std::invalid_argument if `arx` has no noise shapes.
 
 // Bounds of h_{k,k-γ}, γ = 0 … band, where h_{k,k} = D_k.
 struct MarkovBounds {
@@ -55,35 +37,16 @@ struct RelativeError {
   Matrix limit;
 };
 RelativeError relative_error(const MarkovBounds& bounds);
-// \throws std::invalid_argument for band < 1 or a level outside 0 … 1
-MarkovBounds markov_bounds(const GtvArx& arx, Index band, const BoundsOptions& options = {});
 
 struct OutputBounds {
   std::vector<Interval> step;  // (T) of (N × m); NaN where there is no output
 };
-// Outputs of the recursion for given inputs. The recursion starts from zero initial states, or, with k_begin = p, from
-// the first p samples of each experiment. The bounds are for the mean output of the system, or with `noise` for a
-// measured output.
-struct SimulationBoundsOptions {
-  double level = 0.95;
-  bool noise = false;
-  Execution execution = {};
-};
-// `data` must be departures from the nominal trajectory if one was removed. \throws std::invalid_argument where
-// channels disagree, a sample is infinite, or the level is outside 0 … 1
-OutputBounds simulation_bounds(const GtvArx& arx, const Ensemble& data, const SimulationBoundsOptions& options = {});
-
-// One-step predictions of the recursion, with the interval that contains a new measurement with the probability
-// `level`. \throws as simulation_bounds()
-OutputBounds prediction_bounds(const GtvArx& arx, const Ensemble& data, const BoundsOptions& options = {});
 
 // Eigenvalues of the closed loop Ā_k = A_k + G_k C_k in a reference frame (reference_frame()). In this frame the states
 // are defined by outputs alone. The eigenvalues are therefore the same for every model of the system.
 struct ClosedLoopOptions {
-  double level = 0.95;
   Index reference_step = -1;  // s; -1: the first step of full dimension
   Index rows = 0;             // block rows of the frame; 0: estimation_window(model)
-  Execution execution = {};
 };
 struct Spectrum {
   Index begin = 0;                            // step of the first entry
@@ -92,11 +55,10 @@ struct Spectrum {
 // \throws std::invalid_argument where step s has no state or too few block rows
 Spectrum closed_loop_spectrum(const Model& model, const ClosedLoopOptions& options = {});
 
-// First-order bounds hold only for a clearly simple eigenvalue. An eigenvalue is not clearly simple if another one is
-// nearer than half the sum of their standard errors. Its bounds are then infinite, and `simple` is false. The imaginary
-// part of a simple real eigenvalue is exactly zero. Every deadbeat observer has eigenvalues that are exactly zero, and
-// noise does not move them. They do not count as near, unless the distance is at the level of rounding errors, as in
-// data without noise.
+// An eigenvalue is not clearly simple if another one is nearer than half the sum of their standard errors. Its bounds
+// are then infinite, and `simple` is false. Every deadbeat observer has eigenvalues that are exactly zero, and noise
+// does not move them. They do not count as near, unless the distance is at the level of rounding errors, as in data
+// without noise.
 struct SpectrumBounds {
   Index begin = 0;
   struct Step {
@@ -107,12 +69,6 @@ struct SpectrumBounds {
   };
   std::vector<Step> step;
 };
-// `model` must be the realisation of `arx` with these options, as tvera() returns it, or the same in other coordinates.
-// These options are needed because the blocks and sizes of the channels determine how errors of Markov parameters
-// affect the model.
-// \throws std::invalid_argument as above, or if `model` does not belong to `arx`
-SpectrumBounds closed_loop_bounds(const GtvArx& arx, const Model& model, const TveraOptions& realisation,
-                                  const ClosedLoopOptions& options = {});
 
 // Bounds by a bootstrap over experiments
 //
@@ -160,14 +116,8 @@ Eigen::VectorXcd matched(const Eigen::VectorXcd& found, const Eigen::VectorXcd& 
 
 // Bounds for a model and its training data
 
-enum class BoundsMethod { factors, bootstrap };
-const char* to_string(BoundsMethod method);
-
 struct ConfidenceOptions {
   double level = 0.95;
-  // Empty: the factors if the model follows from regressions of single steps. Otherwise the bootstrap, if there are
-  // more experiments than states, inputs and a mean motion.
-  std::optional<BoundsMethod> method = {};
   Index replicates = 200;  // B of the bootstrap
   std::uint64_t seed = 1;
   Index band = 0;             // γ = 0 … band < T; 0: twice estimation_window(model)
@@ -176,32 +126,28 @@ struct ConfidenceOptions {
 };
 
 struct Confidence {
-  BoundsMethod method = BoundsMethod::factors;
   double level = 0.95, dt = 1.0;
   Index experiments = 0, lags = 0;
   Index replicates = 0;  // successful replicates of the bootstrap
-  double freedom = 0.0;  // degrees of freedom of Student's t, at the median step or of the bootstrap
-  // λ whose bias widens the intervals of the bootstrap; 0: no bias is included
+  double freedom = 0.0;  // degrees of freedom of Student's t
+  // λ whose bias widens the intervals; 0: no bias is included
   double smoothing = 0.0;
   Vector bias;  // (T) bias of the Markov parameters over their scatter, RMS at each step; empty if not included
   Channels names;
   MarkovBounds markov;
   // Mean outputs (N × m) for the inputs of the N experiments used.
   OutputBounds simulated;
-  OutputBounds predicted;  // one-step predictions of new measurements; only from the factors
-  // empty without a reference frame, or if the factors do not reproduce the model
-  SpectrumBounds spectrum;
+  SpectrumBounds spectrum;  // empty without a reference frame
   Findings findings;
 };
 
-// Computes the bounds of a model. With the factors, the estimates come from the regressions, which the model
-// approximates. With the bootstrap, the estimates come from the model. If EM made the model, each replicate continues
-// EM from the model; otherwise it is identified with the options and the orders of the model. With smoothing over time,
-// a model with a tenth of λ is identified as well. The squared differences from it, averaged over five steps, add to
-// the variances, because λ has a bias. `data` must be the ensemble of the identification, including the held-out
-// experiments, which the function does not use.
-// \throws std::invalid_argument for options out of range, an infinite sample, a number of experiments that differs from
-// the identification, or a model that was not identified
+// Computes the bounds of a model by the bootstrap. If EM made the model, each replicate continues EM from the model;
+// otherwise it is identified with the options and the orders of the model. With smoothing over time, a model with a
+// tenth of λ is identified as well. The squared differences from it, averaged over five steps, add to the variances,
+// because λ has a bias. `data` must be the ensemble of the identification, including the held-out experiments, which
+// the function does not use. \throws std::invalid_argument for options out of range, an infinite sample, fewer
+// experiments than the bootstrap needs, a number of experiments that differs from the identification, or a model that
+// was not identified
 Confidence confidence(const Model& model, const Ensemble& data, const ConfidenceOptions& options = {});
 
 // Bounds of a function of the model, by the bootstrap as in confidence(), with the bias of smoothing. The function must

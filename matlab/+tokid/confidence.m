@@ -6,11 +6,10 @@ function [bounds, evidence] = confidence(model, varargin)
 %
 % The data are those that the model was identified from, whole. The bounds are a struct: markov(:, :, 1+g, s), m x r,
 % is the answer at step k = k_begin + s - 1 to a pulse g steps before, between markov_lower and markov_upper; simulated
-% and predicted are N x T x m, eigenvalues_real and eigenvalues_imag E x n, with _lower and _upper likewise
+% is N x T x m, eigenvalues_real and eigenvalues_imag E x n, with _lower and _upper likewise
 % (docs/formats.md). The evidence is what 'tokid confidence --json' prints. What can be said of data: see
 % tokid.ensemble. Options:
 %   'level'               probability that an interval holds the truth (default 0.95)
-%   'method'              'auto', 'factors' or 'bootstrap'
 %   'replicates', 'seed'  of the bootstrap
 %   'band'                Markov parameters up to so many steps apart, or 'auto'
 %   'reference_step'      step of the frame of the eigenvalues
@@ -22,7 +21,7 @@ function [bounds, evidence] = confidence(model, varargin)
 % SPDX-License-Identifier: BSD-3-Clause
 
 tokid.internal.need(nargin, 'model');
-known = {'level', 'value'; 'method', 'value'; 'replicates', 'value'; 'seed', 'value'; 'band', 'value'; ...
+known = {'level', 'value'; 'replicates', 'value'; 'seed', 'value'; 'band', 'value'; ...
          'reference_step', 'value'; 'threads', 'value'; 'inputs', 'list'; 'outputs', 'list'};
 [folder, clean] = tokid.internal.folder(); %#ok<ASGLU>
 [file, of_model] = tokid.internal.take_model(folder, model);

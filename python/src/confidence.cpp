@@ -100,30 +100,23 @@ nb::any object_of(const SpectrumBounds& b) {
        {"simple", table(std::uint8_t{0}, [](const Step& s, Index e) { return s.simple(e); }).attr("astype")("bool")}});
 }
 
-nb::any bounds_of(const Model& model, const Ensemble& data, double level, std::optional<BoundsMethod> method,
-                  std::optional<Index> replicates, std::optional<std::uint64_t> seed, Index band, Index reference_step,
-                  int threads, nb::object listener) {
+nb::any bounds_of(const Model& model, const Ensemble& data, double level, Index replicates, std::uint64_t seed,
+                  Index band, Index reference_step, int threads, nb::object listener) {
   Call call(std::move(listener));
   ConfidenceOptions options{.level = level,
-                            .method = method,
+                            .replicates = replicates,
+                            .seed = seed,
                             .band = band,
                             .reference_step = reference_step,
                             .execution = call.execution(threads)};
-  options.replicates = replicates.value_or(options.replicates);
-  options.seed = seed.value_or(options.seed);
   Confidence c = call.run([&] { return confidence(model, data, options); });
   append(c.findings, differences(model, data));
-  if (c.method == BoundsMethod::factors && (replicates || seed))
-    c.findings.push_back({.kind = Finding::Kind::option_without_effect, .detail = replicates ? "replicates" : "seed"});
-  const nb::object markov = object_of(c.markov), simulated = object_of(c.simulated), predicted = object_of(c.predicted),
-                   spectrum = object_of(c.spectrum);
+  const nb::object markov = object_of(c.markov), simulated = object_of(c.simulated), spectrum = object_of(c.spectrum);
   const nb::list findings = list_of(c.findings);
-  const char* how = to_string(c.method);
   const Index experiments = c.experiments, lags = c.lags, found = c.replicates;
   const double freedom = c.freedom, dt = c.dt, smoothing = c.smoothing;
   const nb::object bias = c.bias.size() > 0 ? nb::cast(array_of(c.bias)) : nb::none();
-  return make("Confidence", {{"method", how},
-                             {"level", level},
+  return make("Confidence", {{"level", level},
                              {"dt", dt},
                              {"experiments", experiments},
                              {"lags", lags},
@@ -133,7 +126,6 @@ nb::any bounds_of(const Model& model, const Ensemble& data, double level, std::o
                              {"bias", bias},
                              {"markov", markov},
                              {"simulated", simulated},
-                             {"predicted", predicted},
                              {"spectrum", spectrum},
                              {"findings", nb::object(findings)},
                              {"_core", nb::cast(std::move(c))}});
@@ -142,9 +134,6 @@ nb::any bounds_of(const Model& model, const Ensemble& data, double level, std::o
 }  // namespace
 
 void bind_confidence(nb::module_& module) {
-  nb::enum_<BoundsMethod>(module, "BoundsMethod")
-      .value("factors", BoundsMethod::factors)
-      .value("bootstrap", BoundsMethod::bootstrap);
   nb::class_<Confidence>(module, "Confidence", "The bounds as the library has them, to be written to a file.")
       .def(
           "save",
@@ -153,14 +142,13 @@ void bind_confidence(nb::module_& module) {
           },
           nb::arg("path"), nb::arg("mat73"), nb::call_guard<nb::gil_scoped_release>());
   module.def("confidence", &bounds_of, nb::arg("model"), nb::arg("data"), nb::kw_only(), nb::arg("level"),
-             nb::arg("method").none(), nb::arg("replicates").none(), nb::arg("seed").none(), nb::arg("band"),
-             nb::arg("reference_step"), nb::arg("threads"), nb::arg("listener").none());
+             nb::arg("replicates"), nb::arg("seed"), nb::arg("band"), nb::arg("reference_step"), nb::arg("threads"),
+             nb::arg("listener").none());
   module.def(
       "closed_loop_spectrum",
-      [](const Model& model, Index reference_step, int threads) {
-        const Spectrum found = without_gil([&] {
-          return closed_loop_spectrum(model, {.reference_step = reference_step, .execution = {threads, {}}});
-        });
+      [](const Model& model, Index reference_step) {
+        const Spectrum found =
+            without_gil([&] { return closed_loop_spectrum(model, {.reference_step = reference_step}); });
         Index n = 0;
         for (const Eigen::VectorXcd& step : found.eigenvalues) n = std::max(n, step.size());
         std::vector<Complex> values;
@@ -168,7 +156,7 @@ void bind_confidence(nb::module_& module) {
           for (Index e = 0; e < n; ++e) values.push_back(e < step.size() ? step(e) : Complex(nan, nan));
         return std::pair(found.begin, table_of(std::move(values), found.eigenvalues.size(), size_t(n)));
       },
-      nb::arg("model"), nb::arg("reference_step"), nb::arg("threads"));
+      nb::arg("model"), nb::arg("reference_step"));
 }
 
 }  // namespace tokid::python

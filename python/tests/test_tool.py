@@ -201,20 +201,17 @@ def test_confidence(files, tool):
         for name in saved.files:
             if name == "markov":
                 assert np.array_equal(saved[name], bounds.markov.interval.estimate, equal_nan=True)
-    assert bounds.method == "factors" and bounds.markov.interval.lower.shape == (30, bounds.markov.band + 1, 2, 2)
-    assert bounds.simulated.estimate.shape == bounds.predicted.upper.shape == (40, 30, 2)
-    with pytest.warns(tokid.TokidWarning, match="seed has no effect, because these bounds come from the factors"):
-        note = model.confidence(data, level=0.9, seed=7).findings[-1]
-    assert (note.kind, note.severity, note.detail) == ("option_without_effect", "note", "seed")
+    assert bounds.replicates == 200 and bounds.markov.interval.lower.shape == (30, bounds.markov.band + 1, 2, 2)
+    assert bounds.simulated.estimate.shape == (40, 30, 2)
     spectrum = bounds.spectrum
     assert spectrum.eigenvalues.dtype == complex and spectrum.simple.dtype == bool
     assert spectrum.eigenvalues.shape == spectrum.real.lower.shape == (len(spectrum.simple), 4)
     begin, eigenvalues = model.closed_loop_spectrum()
     assert begin == spectrum.begin
     assert np.allclose(np.sort(np.abs(eigenvalues)), np.sort(np.abs(spectrum.eigenvalues)), atol=1e-9)
-    tool("confidence", files / "model.npz", files / "noisy.npz", "-o", files / "tool.npz", "--method", "bootstrap",
-         "--replicates", 5, "--seed", 7, "--band", 3)
-    model.confidence(data, method="bootstrap", replicates=5, seed=7, band=3).save(files / "python.npz")
+    tool("confidence", files / "model.npz", files / "noisy.npz", "-o", files / "tool.npz", "--replicates", 5,
+         "--seed", 7, "--band", 3)
+    model.confidence(data, replicates=5, seed=7, band=3).save(files / "python.npz")
     assert same_bytes(files / "tool.npz", files / "python.npz")
 
 

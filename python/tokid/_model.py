@@ -550,7 +550,6 @@ class Model(StateSpace):
         *,
         function: None = None,
         level: float = 0.95,
-        method: str = "auto",
         replicates: Optional[int] = None,
         band: Union[int, str] = "auto",
         reference_step: Optional[int] = None,
@@ -567,7 +566,6 @@ class Model(StateSpace):
         *,
         function: Callable[[Model], ArrayLike],
         level: float = 0.95,
-        method: str = "auto",
         replicates: Optional[int] = None,
         band: Union[int, str] = "auto",
         reference_step: Optional[int] = None,
@@ -583,7 +581,6 @@ class Model(StateSpace):
         *,
         function: Optional[Callable[[Model], ArrayLike]] = None,
         level: float = 0.95,
-        method: str = "auto",
         replicates: Optional[int] = None,
         band: Union[int, str] = "auto",
         reference_step: Optional[int] = None,
@@ -601,13 +598,10 @@ class Model(StateSpace):
             Maps a model to an array of real numbers, always of the same shape, with NaN for a missing value. It must
             not depend on the coordinates of the states, because replicates have other coordinates: entries of A, B or
             C have no bounds. Poles (`modes`), frequency responses, pulse responses (`markov`) and simulated outputs
-            do not depend on coordinates. The bounds are those of the values, by the bootstrap; `method`, `band` and
-            `reference_step` have no effect.
+            do not depend on coordinates. The bounds are those of the values; `band` and `reference_step` have no
+            effect.
         level : float, default 0.95
             Probability that an interval contains the true value.
-        method : {"auto", "factors", "bootstrap"}
-            "factors": from the factors of the regressions. "bootstrap": from repeated identifications. "auto": the
-            factors if the model follows from regressions of single steps, else the bootstrap.
         replicates : int, optional
             Number of bootstrap replicates, by default 200.
         band : int or "auto"
@@ -627,18 +621,13 @@ class Model(StateSpace):
         data, _ = self._data(u, y, outputs=True)
         if function is not None:
             return self._function_bounds(data, function, level, replicates, seed, threads, progress)
-        methods = {"auto": None, "factors": _tokid.BoundsMethod.factors, "bootstrap": _tokid.BoundsMethod.bootstrap}
         with listener(progress, "confidence") as listening:
             result: Confidence = _tokid.confidence(
                 self._core,
                 data,
-                level=_options.real("level", level, 1e-6, 1 - 1e-9),
-                method=_options.choice("method", method, methods),
-                replicates=None if replicates is None else _options.integer("replicates", replicates, 2, 1_000_000),
-                seed=None if seed is None else _options.integer("seed", seed, 1, 2**64 - 1),
+                **_bootstrap_options(level, replicates, seed, threads),
                 band=_options.count_or_auto("band", band),
                 reference_step=_options.step("reference_step", reference_step),
-                threads=_options.threads(threads),
                 listener=listening,
             )
         warn(result.warnings)

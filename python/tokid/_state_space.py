@@ -305,17 +305,13 @@ class StateSpace(Channels):
         """
         return self._core.deadbeat_products(max(1, *self.lags, 1) if p is None else _options.integer("p", p, 1))
 
-    def closed_loop_spectrum(
-        self, *, reference_step: Optional[int] = None, threads: int = 1
-    ) -> tuple[int, ComplexArray]:
+    def closed_loop_spectrum(self, *, reference_step: Optional[int] = None) -> tuple[int, ComplexArray]:
         """Return the eigenvalues of A + G C in a reference frame. They are the same for every model of a system.
 
         Parameters
         ----------
         reference_step : int, optional
             Step of the frame; by default the first one with all states.
-        threads : int, default 1
-            Number of threads; 0: all of the machine.
 
         Returns
         -------
@@ -325,7 +321,7 @@ class StateSpace(Channels):
             NaN if A + G C is not finite.
         """
         step = _options.step("reference_step", reference_step)
-        begin, values = _tokid.closed_loop_spectrum(self._core, step, _options.threads(threads))
+        begin, values = _tokid.closed_loop_spectrum(self._core, step)
         return begin, values
 
     def observability(self, k: int, rows: int) -> Array:

@@ -1290,7 +1290,6 @@ class Confidence(_Found):
 
     Attributes
     ----------
-    method : {"factors", "bootstrap"}
     level : float
         Probability that an interval contains the true value.
     dt : float
@@ -1306,15 +1305,12 @@ class Confidence(_Found):
     bias : ndarray of shape (T,), or None
         Bias of the Markov parameters over their scatter, RMS at each step.
     markov : MarkovBounds
-    simulated : Interval of shape (N, T, m), or None
+    simulated : Interval of shape (N, T, m)
         Mean outputs for the inputs of the data.
-    predicted : Interval of shape (N, T, m), or None
-        New measurements one step ahead; only from the factors.
     spectrum : SpectrumBounds or None
     findings : list of Finding
     """
 
-    method: str
     level: float
     dt: float
     experiments: int
@@ -1324,8 +1320,7 @@ class Confidence(_Found):
     smoothing: float
     bias: Optional[Array]
     markov: MarkovBounds
-    simulated: Optional[Interval]
-    predicted: Optional[Interval]
+    simulated: Interval
     spectrum: Optional[SpectrumBounds]
     findings: list[Finding]
     _core: Any = field(repr=False)

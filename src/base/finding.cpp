@@ -798,25 +798,8 @@ constexpr Entry table[] = {
        return std::string(
            "the model was not identified from these data, but bounds need the data of its identification");
      }},
-    {Kind::bounds_of_regressions, "bounds_of_regressions", note,
-     [](const Finding& f) {
-       return fmt::format(
-           "these bounds belong to the regressions only. A model of the method {} does not follow from the regressions alone, so bounds of its parameters and eigenvalues need the bootstrap (--method bootstrap)",
-           f.detail);
-     }},
-    {Kind::bounds_without_free_responses, "bounds_without_free_responses", note,
-     [](const Finding&) {
-       return std::string(
-           "the eigenvalues depend on free responses, which the factors of the regressions do not contain. Use the bootstrap for bounds of the eigenvalues");
-     }},
     {Kind::no_eigenvalue_bounds, "no_eigenvalue_bounds", warning,
      [](const Finding& f) { return fmt::format("no bounds of the eigenvalues were computed: {}", f.detail); }},
-    {Kind::infinite_bounds, "infinite_bounds", warning,
-     [](const Finding& f) {
-       return fmt::format(
-           "no degree of freedom is left at {}: bounds that depend on these steps are infinite. Use more experiments or a smaller lag order",
-           words::step_list(f.steps));
-     }},
     {Kind::replicates_failed, "replicates_failed", warning,
      [](const Finding& f) {
        return fmt::format(
@@ -827,12 +810,6 @@ constexpr Entry table[] = {
      [](const Finding&) {
        return std::string(
            "an identification from these data with the options of the model gives another model. The bounds belong to that other model");
-     }},
-    {Kind::bounds_too_narrow, "bounds_too_narrow", warning,
-     [](const Finding& f) {
-       return fmt::format(
-           "the bounds are too narrow: between models of two halves of the experiments, only {:.0f} % of the Markov parameters agree within their 95 % bounds. The regressions do not describe these data fully. Use the bootstrap",
-           number(f, "agreement"));
      }},
     {Kind::bounds_with_bias, "bounds_with_bias", warning,
      [](const Finding& f) {
@@ -851,8 +828,6 @@ constexpr Entry table[] = {
        return std::string(
            "the bounds assume that the system does not vary over time. The bounds do not include variations that are too small to be found");
      }},
-    {Kind::option_without_effect, "option_without_effect", note,
-     [](const Finding& f) { return fmt::format("{} has no effect, because these bounds come from the factors of the regressions, not from a bootstrap", f.detail); }},
     {Kind::plan_of_departures, "plan_of_departures", note,
      [](const Finding&) {
        return std::string("the planned inputs are departures from the nominal trajectory: add the nominal trajectory of the model to them");

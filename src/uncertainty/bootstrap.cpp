@@ -10,6 +10,7 @@
 #include "base/random.hpp"
 #include "base/words.hpp"
 #include "data/check.hpp"
+#include "tokid/gtv_arx.hpp"
 #include "tokid/uncertainty.hpp"
 #include "uncertainty/interval.hpp"
 

@@ -7,47 +7,20 @@
 #include <stdexcept>
 
 #include "base/nan.hpp"
-#include "data/channel_sizes.hpp"
-#include "data/output_weights.hpp"
 #include "data/unused.hpp"
-#include "tokid/dependence.hpp"
 #include "tokid/identify.hpp"
 #include "tokid/uncertainty.hpp"
 #include "tokid/validate.hpp"
-#include "uncertainty/halves.hpp"
 #include "uncertainty/interval.hpp"
 #include "uncertainty/replicate.hpp"
 #include "uncertainty/replication.hpp"
 
 namespace tokid {
 
-const char* to_string(BoundsMethod method) { return method == BoundsMethod::factors ? "factors" : "bootstrap"; }
-
 namespace {
 
 // A step is reported if the bias of its Markov parameters is larger than their scatter by this factor.
 constexpr double reported_bias = 2.0;
-// Bounds from the factors are reported as too narrow if fewer Markov parameters of two halves agree.
-constexpr double least_agreement = 0.85;
-
-// The blocks and units of the realisation, as in identify().
-TveraOptions realisation(const Model& model, const Ensemble& departing, const IdentifyOptions& o) {
-  Plan plan;
-  plan.lags = model.max_lags();
-  plan.states = model.states();
-  plan.noisy = true;
-  plan.rows = o.rows, plan.cols = o.cols;
-  plan.output_size = channel_sizes(departing, departing.inputs(), model.outputs);
-  plan.input_size = channel_sizes(departing, 0, departing.inputs());
-  plan.output_weights = relative_weights(o.output_weights, model.outputs);
-  return tvera_options(plan, model.outputs);
-}
-
-void add_nominal(const Model& model, OutputBounds& bounds) {
-  for (size_t k = 0; k < bounds.step.size() && Index(k) < model.y_nominal.rows(); ++k)
-    for (Matrix* part : {&bounds.step[k].estimate, &bounds.step[k].lower, &bounds.step[k].upper})
-      part->rowwise() += model.y_nominal.row(Index(k));
-}
 
 class Bounds {
  public:
@@ -58,12 +31,9 @@ class Bounds {
     if (options.band < 0 || options.band >= data_.steps())
       throw std::invalid_argument(
           fmt::format("band: {} found, 1 to {} (or automatic) needed", options.band, data_.steps() - 1));
-    departing_ = data_;
-    if (model.y_nominal.rows() > 0) departing_ = departures(data_, {model.u_nominal, model.y_nominal});
     band_ = std::clamp<Index>(options.band > 0 ? options.band : 2 * estimation_window(model), 1,
                               std::max<Index>(1, data_.steps() - 1));
-    loop_ = {options.level, options.reference_step, 0, {options.execution.threads, {}}};
-    result_.method = options.method.value_or(automatic_method());
+    loop_.reference_step = options.reference_step;
     result_.level = options.level;
     result_.dt = model.dt;
     result_.names = model.names;
@@ -73,85 +43,6 @@ class Bounds {
 
   Confidence run() {
     append(result_.findings, uncertainty::findings_of_data(model_, data_));
-    if (result_.method == BoundsMethod::factors)
-      from_factors();
-    else
-      by_bootstrap();
-    return std::move(result_);
-  }
-
- private:
-  // The factors describe regressions of single steps. Other models need the bootstrap, if there are enough experiments.
-  BoundsMethod automatic_method() const {
-    const bool of_single_steps = uncertainty::smoothing_of(model_) == 0 && !uncertainty::by_em(model_);
-    const Index needed = uncertainty::unknowns_of_states(model_, data_.steps()) + (with_nominal() ? 1 : 0);
-    return of_single_steps || data_.experiments() <= needed ? BoundsMethod::factors : BoundsMethod::bootstrap;
-  }
-
-  bool with_nominal() const { return model_.y_nominal.rows() > 0; }
-  void report(Finding finding) { result_.findings.push_back(std::move(finding)); }
-
-  Execution share(double from, double to) const { return tokid::share(options_.execution, from, to); }
-
-  void from_factors() {
-    GtvArxOptions o;
-    o.lags.assign(size_t(departing_.steps()), model_.max_lags());
-    for (size_t s = 0; s < model_.step.size(); ++s)
-      if (model_.step[s].has_lags() && model_.step[s].lags() > 0)
-        o.lags[size_t(model_.k_begin) + s] = model_.step[s].lags();
-    o.initial_state = model_.initial_state;
-    o.feedthrough = has_feedthrough(model_.provenance);
-    o.spent = with_nominal() ? 1 : 0;
-    o.execution = share(0.0, 0.1);
-    const GtvArx arx = gtv_arx(departing_, o);
-    if (arx.k_begin >= arx.steps())
-      throw std::invalid_argument(fmt::format(
-          "steps: {} found in the data, more than the lag order {} needed, because the initial states are unknown",
-          arx.steps(), model_.max_lags()));
-    summarise(arx);
-    result_.markov = markov_bounds(arx, band_, {options_.level, share(0.1, 0.2)});
-    result_.simulated = simulation_bounds(arx, departing_, {options_.level, false, share(0.2, 0.8)});
-    result_.predicted = prediction_bounds(arx, departing_, {options_.level, share(0.8, 0.9)});
-    add_nominal(model_, result_.simulated);
-    add_nominal(model_, result_.predicted);
-    const std::optional<double> agreement =
-        uncertainty::agreement_of_halves(departing_, o, band_, {options_.execution.threads, {}});
-    if (agreement && *agreement < least_agreement)
-      report({.kind = Finding::Kind::bounds_too_narrow, .numbers = {{"agreement", 100 * *agreement}}});
-    if (model_.method != "tvera")
-      return report({.kind = Finding::Kind::bounds_of_regressions, .detail = model_.method});
-    if (data_.free.experiments > 0) return report({.kind = Finding::Kind::bounds_without_free_responses});
-    with_frame([&] {
-      loop_.execution = share(0.9, 1.0);
-      result_.spectrum = closed_loop_bounds(arx, model_, realisation(model_, departing_, identification_), loop_);
-    });
-  }
-
-  // Bounds of eigenvalues need a frame, but not every model has one.
-  template <class Work>
-  void with_frame(Work&& work) {
-    try {
-      if (model_.states() == 0) return;
-      work();
-    } catch (const std::invalid_argument& error) {
-      if (options_.reference_step >= 0) throw;
-      report({.kind = Finding::Kind::no_eigenvalue_bounds, .detail = error.what()});
-    }
-  }
-
-  void summarise(const GtvArx& arx) {
-    std::vector<Index> freedom, none;
-    for (Index k = arx.k_begin; k < arx.steps(); ++k) {
-      freedom.push_back(arx.step[size_t(k)].freedom);
-      if (freedom.back() == 0) none.push_back(k);
-    }
-    const auto middle = freedom.begin() + static_cast<std::ptrdiff_t>(freedom.size() / 2);
-    std::nth_element(freedom.begin(), middle, freedom.end());
-    result_.freedom = double(*middle);
-    if (!none.empty()) report({.kind = Finding::Kind::infinite_bounds, .steps = std::move(none)});
-  }
-
-  void by_bootstrap() {
     std::optional<Spectrum> spectrum;
     with_frame([&] { spectrum = closed_loop_spectrum(model_, loop_); });
     const Functional functional = [&](const Model& model) { return everything(model, spectrum); };
@@ -163,6 +54,22 @@ class Bounds {
     append(result_.findings, found.findings);
     if (found.smoothing > 0) report_bias(found);
     scatter(found.bootstrap, spectrum);
+    return std::move(result_);
+  }
+
+ private:
+  void report(Finding finding) { result_.findings.push_back(std::move(finding)); }
+
+  // Bounds of eigenvalues need a frame, but not every model has one.
+  template <class Work>
+  void with_frame(Work&& work) {
+    try {
+      if (model_.states() == 0) return;
+      work();
+    } catch (const std::invalid_argument& error) {
+      if (options_.reference_step >= 0) throw;
+      report({.kind = Finding::Kind::no_eigenvalue_bounds, .detail = error.what()});
+    }
   }
 
   // The places of Markov parameters, outputs and eigenvalues in the list of everything().
@@ -291,13 +198,29 @@ class Bounds {
   const Model& model_;
   const ConfidenceOptions& options_;
   IdentifyOptions identification_;
-  Ensemble data_, departing_;
+  Ensemble data_;
   Index band_ = 1;
   ClosedLoopOptions loop_;
   Confidence result_;
 };
 
 }  // namespace
+
+RelativeError relative_error(const MarkovBounds& bounds) {
+  Matrix errors = Matrix::Zero(bounds.outputs, bounds.inputs), widths = errors, sizes = errors;
+  for (const Interval& step : bounds.step)
+    for (Index block = 0; block <= bounds.band; ++block) {
+      const auto part = [&](const Matrix& all) { return all.middleCols(block * bounds.inputs, bounds.inputs).array(); };
+      const auto known = !part(step.deviation).isNaN();
+      errors.array() += known.select(part(step.deviation).square(), 0.0);
+      widths.array() += known.select(((part(step.upper) - part(step.lower)) / 2).square(), 0.0);
+      sizes.array() += known.select(part(step.estimate).square(), 0.0);
+    }
+  const auto relative = [&](const Matrix& squares) -> Matrix {
+    return (sizes.array() > 0).select((squares.array() / sizes.array()).sqrt(), nan);
+  };
+  return {relative(errors), relative(widths)};
+}
 
 Confidence confidence(const Model& model, const Ensemble& data, const ConfidenceOptions& options) {
   return with_remark_on_unused(data, [&] { return Bounds(model, data, options).run(); });

@@ -74,11 +74,10 @@ void add_spectrum(const SpectrumBounds& spectrum, Arrays& arrays) {
 
 Arrays arrays_of(const Confidence& c, Layout layout) {
   Arrays arrays;
-  arrays.emplace_back("method", scalar(std::string(to_string(c.method))));
   arrays.emplace_back("level", scalar(c.level));
   arrays.emplace_back("experiments", scalar(c.experiments));
   arrays.emplace_back("lags", scalar(c.lags));
-  if (c.method == BoundsMethod::bootstrap) arrays.emplace_back("replicates", scalar(c.replicates));
+  arrays.emplace_back("replicates", scalar(c.replicates));
   arrays.emplace_back("freedom", scalar(c.freedom));
   if (c.smoothing > 0) {
     arrays.emplace_back("smoothing", scalar(c.smoothing));
@@ -87,10 +86,8 @@ Arrays arrays_of(const Confidence& c, Layout layout) {
   arrays.emplace_back("dt", scalar(c.dt));
   add_channels(c.names, arrays);
   if (!c.spectrum.step.empty()) add_spectrum(c.spectrum, arrays);
-  for (const auto& [name, outputs] : {std::pair{"predicted", &c.predicted}, std::pair{"simulated", &c.simulated}})
-    if (!outputs->step.empty())
-      for (const Part& part : parts)
-        arrays.emplace_back(std::string(name) + part.suffix, output_array(*outputs, part.values));
+  for (const Part& part : parts)
+    arrays.emplace_back(std::string("simulated") + part.suffix, output_array(c.simulated, part.values));
   arrays.emplace_back("k_begin", scalar(c.markov.k_begin));
   for (const Part& part : parts)
     arrays.emplace_back(std::string("markov") + part.suffix, markov_array(c.markov, part.values, layout));

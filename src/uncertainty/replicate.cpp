@@ -83,7 +83,7 @@ double smoothing_of(const Model& model) {
 Identifier identifier(const Model& model, const IdentifyOptions& identification, double share, Care care) {
   // EM would also change the states that hold inputs on their way.
   return by_em(model) && latest(delays_of(model.provenance)) == 0 ? by_more_em(model, share, care)
-                                                       : by_identification(model, identification, share);
+                                                                  : by_identification(model, identification, share);
 }
 
 Index unknowns_of_states(const Model& model, Index steps) {

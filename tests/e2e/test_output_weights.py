@@ -108,7 +108,7 @@ def test_later_commands_keep_them(tokid, data, tmp_path):
     tokid("identify", data, "-o", model, *SMALL, "--output-weights", "1,1000")
     tokid("refine", model, data, "-o", tmp_path / "refined.npz", "--iterations", 3)
     assert options_of(tmp_path / "refined.npz")["output_weights"] == [1, 1000]
-    told = tokid.json("confidence", model, data, "-o", tmp_path / "bounds.npz", "--method", "bootstrap", "--replicates", 10)
+    told = tokid.json("confidence", model, data, "-o", tmp_path / "bounds.npz", "--replicates", 10)
     assert not [text for text in told["warnings"] if "other model" in text]
 
 

@@ -51,6 +51,5 @@ inline void see(Accuracy& accuracy, double error, double unit, double size) {
 // Those of accuracy_noise.cpp.
 AccuracyFindings predictor_subspaces(int cases);
 AccuracyFindings likelihoods(int cases);
-AccuracyFindings confidence_bounds(int cases);
 
 }  // namespace tokid::testing

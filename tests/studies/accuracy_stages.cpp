@@ -740,7 +740,6 @@ const std::vector<AccuracyStudy>& accuracy_studies() {
                                                   {"Simulations", simulations, 60, 1.0},
                                                   {"KalmanFilters", kalman_filters, 60, 1.0},
                                                   {"Likelihoods", likelihoods, 20, 1.0},
-                                                  {"ConfidenceBounds", confidence_bounds, 30, 1.0},
                                                   {"Identifications", identifications, 24, 1.0}};
   return studies;
 }

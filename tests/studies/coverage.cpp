@@ -61,45 +61,28 @@ void study(const Case& c, double multiple, int runs, Index replicates, double sp
   loop.rows = p;
   Random random(1000 + c.seed);
   Ensemble given = innovation_experiments(system, 4, 0.0, random);
-  const Ensemble truth = simulate(system, given);
-  const Spectrum spectrum = closed_loop_spectrum(system, loop);
-  Coverage markov_f, output_f, predicted, loop_f, markov_b, output_b, loop_b;
+  Coverage markov, outputs, eigenvalues;
   for (int run = 0; run < runs; ++run) {
     const Ensemble data = innovation_experiments(system, N, c.noise, random);
-    const GtvArx arx = regressions(data, p);
-    const MarkovBounds mb = markov_bounds(arx, band);
-    for (Index k = 0; k < steps; ++k) markov_f.add(pulse_row(system, k, band), mb.step[size_t(k)]);
-    const OutputBounds ob = simulation_bounds(arx, given);
-    for (Index k = 0; k < steps; ++k) output_f.add(truth.output(k), ob.step[size_t(k)]);
-    const Ensemble fresh = innovation_experiments(system, 4, c.noise, random);
-    const OutputBounds pb = prediction_bounds(arx, fresh);
-    for (Index k = 0; k < steps; ++k) predicted.add(fresh.output(k), pb.step[size_t(k)]);
     try {
-      const Model model = realised(arx, o);
-      add_spectrum(spectrum, closed_loop_bounds(arx, model, o, loop), loop_f);
-      if (replicates > 0) {
-        const Layout layout{system, given, band, loop, closed_loop_spectrum(model, loop)};
-        BootstrapOptions bo;
-        bo.replicates = replicates;
-        bo.spread = spread;
-        bo.unknowns = L;
-        bo.seed = std::uint64_t(run);
-        const Bootstrap b = bootstrap(
-            data, [&](const Ensemble& e) { return realised(regressions(e, p), o); }, layout, bo);
-        const Vector right = layout(system);
-        const Index nm = steps * c.size.m * (band + 1) * c.size.r, no = steps * 4 * c.size.m;
-        for (Index i = 0; i < right.size(); ++i)
-          (i < nm ? markov_b : i < nm + no ? output_b : loop_b).add(right(i), b.interval.lower(i), b.interval.upper(i));
-      }
+      const Layout layout{system, given, band, loop, closed_loop_spectrum(realised(regressions(data, p), o), loop)};
+      BootstrapOptions bo;
+      bo.replicates = replicates;
+      bo.spread = spread;
+      bo.unknowns = L;
+      bo.seed = std::uint64_t(run);
+      const Bootstrap b = bootstrap(
+          data, [&](const Ensemble& e) { return realised(regressions(e, p), o); }, layout, bo);
+      const Vector right = layout(system);
+      const Index nm = steps * c.size.m * (band + 1) * c.size.r, no = steps * 4 * c.size.m;
+      for (Index i = 0; i < right.size(); ++i)
+        (i < nm ? markov : i < nm + no ? outputs : eigenvalues).add(right(i), b.interval.lower(i), b.interval.upper(i));
     } catch (const std::exception& error) {
       fmt::print("{}\n", error.what());
     }
   }
-  fmt::print(
-      "{:<12} {:5.2f} N={:<4} L={:<3} | {:5.2f} {:5.2f} {:5.2f} {:5.2f} (open {:4.1f} %) | {:5.2f} {:5.2f} {:5.2f}\n",
-      c.name, c.noise, N, L, markov_f.percent(), output_f.percent(), predicted.percent(), loop_f.percent(),
-      100 * loop_f.unbounded / (loop_f.unbounded + loop_f.judged), markov_b.percent(), output_b.percent(),
-      loop_b.percent());
+  fmt::print("{:<12} {:5.2f} N={:<4} L={:<3} | {:5.2f} {:5.2f} {:5.2f}\n", c.name, c.noise, N, L, markov.percent(),
+             outputs.percent(), eigenvalues.percent());
 }
 
 // The paper's oscillator with process and measurement noise. No observer of finite memory is exact there: intervals
@@ -111,40 +94,19 @@ void oscillator_study(Index lags, Index experiments_count, int runs, Index repli
   eo.measurement_noise = 0.3;
   eo.experiments = experiments_count;
   const Model system = with_noise(oscillator(steps), eo);
-  const GtvArx limit_arx = regressions(expected_moments(system), lags);
   const TveraOptions o = blocks(lags + 1, 48, 4);
-  const Model limit = realised(limit_arx, o);
-  const MarkovBounds limit_markov = markov_bounds(limit_arx, band);
+  const Model limit = realised(regressions(expected_moments(system), lags), o);
   ClosedLoopOptions loop;
   loop.reference_step = 30;
   loop.rows = lags;
-  const Spectrum spectrum = closed_loop_spectrum(limit, loop), kalman = closed_loop_spectrum(system, loop);
   ExperimentOptions few = eo;
   few.experiments = 4;
   few.seed = 999;
   const Ensemble given = experiments(system, few);
-  const Ensemble truth = simulate(system, given);
-  const OutputBounds limit_outputs = simulation_bounds(limit_arx, given);
-  Coverage markov_boot, markov_boot_true, output_boot, loop_boot, markov_limit, markov_true, output_limit, output_true,
-      predicted, loop_limit, loop_true;
+  Coverage markov, markov_true, outputs, eigenvalues;
   for (int run = 0; run < runs; ++run) {
     eo.seed = std::uint64_t(run) + 1;
-    const GtvArx arx = regressions(experiments(system, eo), lags);
-    const MarkovBounds mb = markov_bounds(arx, band);
-    const OutputBounds ob = simulation_bounds(arx, given), pb = prediction_bounds(arx, given);
-    for (Index k = 0; k < steps; ++k) {
-      const size_t at = size_t(k);
-      markov_limit.add(limit_markov.step[at].estimate, mb.step[at]);
-      markov_true.add(pulse_row(system, k, band), mb.step[at]);
-      output_limit.add(limit_outputs.step[at].estimate, ob.step[at]);
-      output_true.add(truth.output(k), ob.step[at]);
-      predicted.add(given.output(k), pb.step[at]);
-    }
-    const Model model = realised(arx, o);
-    const SpectrumBounds sb = closed_loop_bounds(arx, model, o, loop);
-    add_spectrum(spectrum, sb, loop_limit);
-    add_spectrum(kalman, sb, loop_true);
-    if (replicates == 0) continue;
+    const Model model = realised(regressions(experiments(system, eo), lags), o);
     const Layout layout{system, given, band, loop, closed_loop_spectrum(model, loop)};
     BootstrapOptions bo;
     bo.replicates = replicates;
@@ -154,19 +116,11 @@ void oscillator_study(Index lags, Index experiments_count, int runs, Index repli
     const Vector right = layout(limit), real = layout(system);
     const Index nm = steps * 2 * (band + 1) * 2, no = steps * 4 * 2;
     for (Index i = 0; i < right.size(); ++i)
-      (i < nm        ? markov_boot
-       : i < nm + no ? output_boot
-                     : loop_boot)
-          .add(right(i), b.interval.lower(i), b.interval.upper(i));
-    for (Index i = 0; i < nm; ++i) markov_boot_true.add(real(i), b.interval.lower(i), b.interval.upper(i));
+      (i < nm ? markov : i < nm + no ? outputs : eigenvalues).add(right(i), b.interval.lower(i), b.interval.upper(i));
+    for (Index i = 0; i < nm; ++i) markov_true.add(real(i), b.interval.lower(i), b.interval.upper(i));
   }
-  fmt::print(
-      "oscillator p={:<2} N={:<4} | Markov {:5.2f} (true {:5.2f}) outputs {:5.2f} (true {:5.2f}) one-step {:5.2f} "
-      "eigenvalues {:5.2f} (Kalman {:5.2f}, open {:4.1f} %) | bootstrap Markov {:5.2f} (true {:5.2f}) outputs {:5.2f} eigenvalues {:5.2f}\n",
-      lags, experiments_count, markov_limit.percent(), markov_true.percent(), output_limit.percent(),
-      output_true.percent(), predicted.percent(), loop_limit.percent(), loop_true.percent(),
-      100 * loop_limit.unbounded / (loop_limit.unbounded + loop_limit.judged), markov_boot.percent(),
-      markov_boot_true.percent(), output_boot.percent(), loop_boot.percent());
+  fmt::print("oscillator p={:<2} N={:<4} | Markov {:5.2f} (true {:5.2f}) outputs {:5.2f} eigenvalues {:5.2f}\n", lags,
+             experiments_count, markov.percent(), markov_true.percent(), outputs.percent(), eigenvalues.percent());
 }
 
 // Steps that share one model, in the whole way from the ensemble on: identify() with all its choices, confidence() by
@@ -182,7 +136,6 @@ void pooled_study(const SystemSize& size, Index states, Index experiments_count,
   o.period = 1;
   o.states = states;
   ConfidenceOptions co;
-  co.method = BoundsMethod::bootstrap;
   co.replicates = replicates;
   co.band = band;
   Coverage markov, outputs;

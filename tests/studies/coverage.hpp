@@ -107,15 +107,4 @@ inline Vector entries(const Model& model, const Ensemble& given, Index band) {
   return Eigen::Map<const Vector>(all.data(), Index(all.size()));
 }
 
-inline void add_spectrum(const Spectrum& truth, const SpectrumBounds& bounds, Coverage& coverage) {
-  for (size_t i = 0; i < bounds.step.size(); ++i) {
-    const Index at = bounds.begin + Index(i) - truth.begin;
-    if (at < 0 || at >= Index(truth.eigenvalues.size())) continue;
-    const auto& step = bounds.step[i];
-    const Eigen::VectorXcd right = matched(truth.eigenvalues[size_t(at)], step.eigenvalues);
-    coverage.add(right.real(), step.real);
-    coverage.add(right.imag(), step.imaginary);
-  }
-}
-
 }  // namespace tokid::testing
