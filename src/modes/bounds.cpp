@@ -7,12 +7,12 @@
 #include <vector>
 
 #include "base/nan.hpp"
+#include "base/statistics.hpp"
 #include "model/continuation.hpp"
 #include "modes/frozen.hpp"
 #include "modes/spectra.hpp"
 #include "modes/tracks.hpp"
 #include "tokid/modes.hpp"
-#include "uncertainty/interval.hpp"
 
 namespace tokid {
 
@@ -151,7 +151,7 @@ ModeBounds mode_bounds(const Model& model, const Ensemble& data, const ModesOpti
         extra);
   };
   const FunctionBounds found = function_bounds(model, data, function, confidence, result.modes.steps());
-  const double t = uncertainty::StudentT(confidence.level)(found.freedom);
+  const double t = statistics::student_quantile((1 + confidence.level) / 2, found.freedom);
   result.frequency = interval(found, result.modes, 0, t);
   result.damping = interval(found, result.modes, 1, t);
   if (repeats) {

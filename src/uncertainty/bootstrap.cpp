@@ -8,6 +8,7 @@
 
 #include "base/nan.hpp"
 #include "base/random.hpp"
+#include "base/statistics.hpp"
 #include "base/words.hpp"
 #include "data/check.hpp"
 #include "tokid/gtv_arx.hpp"
@@ -161,22 +162,21 @@ Bootstrap bootstrap(const Model& original, const Ensemble& data, const Identifie
   // Each experiment beyond the number of unknowns gives a degree of freedom. B replicates determine the variance with B
   // - 1 degrees of freedom.
   result.freedom = 1 / (1 / left + 1 / double(std::max<Index>(1, result.replicates - 1)));
-  uncertainty::Variance variance(estimate.size(), 1);
+  Vector deviation(estimate.size());
   result.covariance.setZero(estimate.size(), 1);
   for (Index i = 0; i < estimate.size(); ++i) {
     const double count = moments.count(i);
     if (2 * count < double(result.replicates)) {
-      variance.sum(i) = variance.spread(i) = nan;
+      deviation(i) = nan;
       continue;
     }
-    const double v =
-        scale * std::max(0.0, moments.second(i) - moments.first(i) * moments.first(i) / count) / (count - 1);
-    variance.sum(i) = v;
-    variance.spread(i) = v * v / result.freedom;
+    deviation(i) =
+        std::sqrt(scale * std::max(0.0, moments.second(i) - moments.first(i) * moments.first(i) / count) / (count - 1));
     if (i + 1 < estimate.size())
       result.covariance(i) = scale * (moments.mixed(i) - moments.first(i) * moments.first(i + 1) / count) / (count - 1);
   }
-  result.interval = uncertainty::interval(estimate, variance, uncertainty::StudentT(options.level));
+  const Vector width = statistics::student_quantile((1 + options.level) / 2, result.freedom) * deviation;
+  result.interval = {estimate, deviation, estimate - width, estimate + width};
   return result;
 }
 

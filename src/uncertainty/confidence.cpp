@@ -43,8 +43,7 @@ class Bounds {
 
   Confidence run() {
     append(result_.findings, uncertainty::findings_of_data(model_, data_));
-    std::optional<Spectrum> spectrum;
-    with_frame([&] { spectrum = closed_loop_spectrum(model_, loop_); });
+    const std::optional<Spectrum> spectrum = spectrum_in_frame();
     const Functional functional = [&](const Model& model) { return everything(model, spectrum); };
     const uncertainty::Replication found =
         uncertainty::replicate(model_, data_, identification_, functional, places(spectrum), options_);
@@ -61,14 +60,14 @@ class Bounds {
   void report(Finding finding) { result_.findings.push_back(std::move(finding)); }
 
   // Bounds of eigenvalues need a frame, but not every model has one.
-  template <class Work>
-  void with_frame(Work&& work) {
+  std::optional<Spectrum> spectrum_in_frame() {
+    if (model_.states() == 0) return std::nullopt;
     try {
-      if (model_.states() == 0) return;
-      work();
+      return closed_loop_spectrum(model_, loop_);
     } catch (const std::invalid_argument& error) {
       if (options_.reference_step >= 0) throw;
       report({.kind = Finding::Kind::no_eigenvalue_bounds, .detail = error.what()});
+      return std::nullopt;
     }
   }
 

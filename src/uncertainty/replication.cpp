@@ -7,6 +7,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "base/statistics.hpp"
 #include "data/check.hpp"
 #include "data/extents.hpp"
 #include "data/unused.hpp"
@@ -63,7 +64,8 @@ void add_bias(const Model& model, const Ensemble& training, const IdentifyOption
   result.smoothing = smoothing;
   result.bias_squares = Vector::Zero(change.size());
   for (const PerStep& place : places) add_local_squares(change, place, result.bias_squares);
-  widen(result.bootstrap.interval, result.bias_squares, StudentT(level)(result.bootstrap.freedom));
+  widen(result.bootstrap.interval, result.bias_squares,
+        statistics::student_quantile((1 + level) / 2, result.bootstrap.freedom));
 }
 
 }  // namespace

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include "uncertainty/interval.hpp"
+#include "tokid/uncertainty.hpp"
 
 namespace tokid::uncertainty {
 

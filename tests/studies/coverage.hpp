@@ -66,14 +66,10 @@ inline Model realised(const GtvArx& arx, const TveraOptions& o) {
 // Each entry that has bounds is counted; entries without an estimate, or known to rounding, say nothing.
 struct Coverage {
   static constexpr double exact = 1e-6;  // widths, of quantities of size one
-  double held = 0, judged = 0, unbounded = 0;
+  double held = 0, judged = 0;
 
   void add(double truth, double lower, double upper) {
-    if (std::isnan(lower) || std::isnan(truth) || upper - lower <= exact) return;
-    if (std::isinf(lower)) {
-      ++unbounded;
-      return;
-    }
+    if (!std::isfinite(lower) || std::isnan(truth) || upper - lower <= exact) return;
     ++judged;
     held += lower <= truth && truth <= upper;
   }
