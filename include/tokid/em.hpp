@@ -23,7 +23,7 @@ struct RefineOptions {
   // P: the steps k and k+P share their matrices; 1: all steps; 0: no period; empty: the period of the model
   std::optional<Index> period = {};
   Index iterations = 60;  // largest number of iterations
-  // EM has converged if two successive increases of the log-likelihood per output sample are smaller
+  // EM has converged if an iteration without momentum increases the log-likelihood per output sample by less
   double tolerance = 1e-6;
   std::optional<InitialState> initial_state = {};  // empty: as the data state it, else as the model was identified
   bool feedthrough = true;                         // false: D_k = 0 is known, and a D of the model is ignored

@@ -392,9 +392,8 @@ Refinement Climb::run() {
   };
   record();
   Vector before;       // coordinates after the plain iteration before
-  Index momentum = 0;  // iterations since the last restart of the acceleration
+  Index momentum = 0;  // iterations since the last restart of the acceleration; 1 after a plain one
   bool noise_tested = false;
-  int small_gains = 0;
   while (result.iterations < options_.iterations && !result.converged) {
     ++result.iterations;
     em::Parameters plain = estimator_.maximise(now.moments, now.parameters);
@@ -413,8 +412,10 @@ Refinement Climb::run() {
     const double gain = next.penalised - now.penalised;
     if (gain >= 0) now = std::move(next);  // otherwise only rounding errors remain
     record();
-    small_gains = gain <= options_.tolerance * samples_.outputs ? small_gains + 1 : 0;
-    result.converged = small_gains >= 2 || gain <= 0;
+    // Only a plain iteration tells whether EM has converged: one with momentum may gain little because it overshoots.
+    const bool small = gain <= options_.tolerance * samples_.outputs;
+    result.converged = small && momentum == 1;
+    if (small) momentum = 0;
     if (!noise_tested && (result.converged || 2 * result.iterations >= options_.iterations)) {
       noise_tested = true;
       if (split_noise(now)) {

@@ -17,7 +17,7 @@ namespace {
 // those of whole identifications, and those from 5 iterations 0.65 to 0.86 times. Weaker smoothing moves the model
 // farther, so EM goes on longer.
 constexpr Index most_iterations = 20, most_farther = 60;
-// EM has converged if two successive increases of the log-likelihood per output sample are smaller.
+// EM has converged if an iteration without momentum increases the log-likelihood per output sample by less.
 constexpr double settled = 1e-5, settled_farther = 1e-6;
 // A thorough replicate has so many times the iterations, and converges to a smaller increase. EM is slow where the data
 // say little. There, intervals of poles from 20 iterations are half as wide as those from 200.
