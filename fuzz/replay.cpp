@@ -77,12 +77,12 @@ std::string changed(std::string bytes, const std::vector<std::string>& others, R
 int main(int argc, char** argv) {
   if (argc != 3) return std::fputs("replay CORPUS ROUNDS\n", stderr), 2;
   const int rounds = std::stoi(argv[2]);
-  for (const auto& [name, run, hdf5] : tokid::fuzz::targets()) {
+  for (const auto& [name, run, fragile] : tokid::fuzz::targets()) {
     const auto begin = std::chrono::steady_clock::now();
     const std::vector<std::string> inputs = corpus(fs::path(argv[1]) / name);
     if (inputs.empty()) return fmt::print(stderr, "{}: no inputs in {}\n", name, argv[1]), 1;
     // Said before, so that a crash has a name.
-    const int changes = hdf5 ? 0 : rounds;
+    const int changes = fragile ? 0 : rounds;
     fmt::print("{}: {} inputs, {} changed", name, inputs.size(), changes);
     std::fflush(stdout);
     for (const std::string& input : inputs) run(input);

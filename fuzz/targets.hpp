@@ -12,7 +12,7 @@ namespace tokid::fuzz {
 struct Target {
   const char* name = nullptr;  // of its folder in corpus/ too
   void (*run)(std::string_view bytes) = nullptr;
-  bool hdf5 = false;  // the HDF5 library may crash on damaged files (README.md)
+  bool fragile = false;  // a library that reads such files may crash on damaged ones (README.md)
 };
 
 std::span<const Target> targets();

@@ -140,7 +140,7 @@ def test_a_variable_that_is_not_there(refused, tmp_path, packed):
         content = zlib.compress(element)
         element = struct.pack("<II", 15, len(content)) + content
     (tmp_path / "data.mat").write_bytes(mat5_header() + element)
-    refused("data.mat", "variable 1", "4294967295 bytes")
+    refused("data.mat", "'u'", "(10000000, 100000000)")
 
 
 @pytest.mark.parametrize("rows", ["0,0,1,2\n0,1000000000000000,1,2\n", "0,0,1,2\n0,1e15,1,2\n", "0,0,1,2\n0,1e300,1,2\n"])
@@ -183,7 +183,7 @@ def test_bomb_in_mat(refused, tmp_path):
     inside = mat5_variable("u", (1 << 14, 1 << 14), b"")
     packed = deflated(struct.pack("<II", 14, len(inside) + 2 * GIGABYTE) + inside, 2048, window=15)
     (tmp_path / "data.mat").write_bytes(mat5_header() + struct.pack("<II", 15, len(packed)) + packed)
-    refused("data.mat", "'u'", "(16384, 16384)", "bytes of memory", memory=GIGABYTE)
+    refused("data.mat", "variable 1", "bytes of memory", memory=GIGABYTE)
 
 
 def test_many_texts_that_are_one(refused, tmp_path):

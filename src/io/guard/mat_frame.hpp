@@ -1,4 +1,4 @@
-// Checks the structure and the sizes of a .mat file, before a library uses them.
+// Checks the variables of a .mat file, because matio reports no error for damage of many kinds.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -23,13 +23,11 @@ inline constexpr std::uint64_t mat_header_bytes = 128;  // of the file; the head
 
 enum class MatContainer { version5, hdf5 };
 
-// \throws IoError for a file of another kind, and for a file of version 5 or 7 in which the sizes of the elements
-// contradict each other
+// A file of version 5 or 7 is a header and a chain of variables with their sizes. The last variable must end at the end
+// of the file; matio assumes that the file ends where the chain breaks. The compressed variables of version 7 must have
+// the right checksums; matio does not compare them, because it stops at the last number. Even variables that are not
+// wanted are checked, because damage may have changed the name of a wanted one.
+// \throws IoError for a file of another kind, and for a damaged one
 MatContainer check_mat(const std::filesystem::path& path);
-
-// Checks the checksums of all compressed variables of a file of version 7. matio does not compare them, because it
-// stops at the last number. Even variables that are not wanted are checked, because damage may have changed the name of
-// a wanted one. \throws IoError
-void check_mat_checksums(const std::filesystem::path& path);
 
 }  // namespace tokid::io
