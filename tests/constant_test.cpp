@@ -49,6 +49,38 @@ TEST(ConstantTest, FindsNoneWhereThereIsNone) {
   EXPECT_FALSE(test_constant(heated(1, 400, Vector::Zero(2), 0.0, 1)).significant());
 }
 
+// A shift of the outputs is found whatever the noise and the inputs are, because the innovations are linear in them.
+TEST(ConstantTest, OfAModelIsThatOfTheData) {
+  const Vector shift{{3.0, -0.5}};
+  for (const Index period : {1, 0}) {
+    const Ensemble e = heated(6, 60, Vector::Zero(2), 0.3, 4);
+    IdentifyOptions options{.period = period, .initial_state = InitialState::unknown};
+    options.nominal = NominalChoice::none;
+    const Model model = identify(e, options).model;
+    Ensemble shifted = e;
+    for (Index k = 0; k < e.steps(); ++k) shifted.output(k).rowwise() += shift.transpose();
+    shifted.y(0, 30, 1) = nan;
+    Ensemble gap = e;
+    gap.y(0, 30, 1) = nan;
+    const auto before = remaining_constant(model, gap, InitialState::unknown),
+               after = remaining_constant(model, shifted, InitialState::unknown);
+    ASSERT_TRUE(before && after) << period;
+    EXPECT_LT((*after - *before - shift).norm(), 1e-9) << period;
+  }
+}
+
+// The regression of a slow plant with much noise misses the point of rest by more than the noise.
+TEST(ConstantTest, OfIdentifiedModelsIsAccurate) {
+  const Vector rest{{22.0, -7.0}};
+  for (std::uint64_t seed = 1; seed <= 4; ++seed) {
+    const Model model = identify(heated(1, 400, rest, 0.5, seed), {.period = 1}).model;
+    const Ensemble fresh = heated(1, 400, rest, 0.0, seed + 50), computed = simulate_data(model, fresh, InitialState::unknown);
+    Matrix error = Matrix::Zero(300, 2);
+    for (Index k = 0; k < 300; ++k) error.row(k) = computed.output(k + 100) - fresh.output(k + 100);
+    EXPECT_LT(error.colwise().mean().cwiseAbs().maxCoeff(), 0.3) << seed;
+  }
+}
+
 TEST(ConstantTest, NeedsSamplesAndAPointOfRest) {
   const Vector rest{{22.0, -7.0}};
   EXPECT_EQ(test_constant(heated(1, 20, rest, 0.1, 1)).threshold, 0.0);

@@ -9,6 +9,8 @@
 #include "base/statistics.hpp"
 #include "data/channel_sizes.hpp"
 #include "linalg/symmetric.hpp"
+#include "tokid/innovations.hpp"
+#include "tokid/observer.hpp"
 
 namespace tokid {
 
@@ -83,6 +85,45 @@ Constant test_constant(const Ensemble& e) {
   result.statistic = constant.dot(covariance.ldlt().solve(constant)) / (share * double(m));
   result.threshold = statistics::f_quantile(1 - false_alarm, double(m), freedom);
   return result;
+}
+
+std::optional<Vector> remaining_constant(const Model& model, const Ensemble& departures, InitialState initial) {
+  const Index m = model.outputs, N = departures.experiments();
+  const auto innovations = [&](const Ensemble& e) { return predict(model, e, {1, initial}).innovations; };
+  const Innovations all = innovations(departures);
+  // The innovations are linear in the samples, apart from those that the mean of the initial states leaves. Those of
+  // constant outputs without inputs are therefore the derivatives.
+  Ensemble unit = departures;
+  unit.samples() = 0.0 * departures.samples();  // NaN where samples are missing
+  const Innovations of_zero = innovations(unit);
+  std::vector<Innovations> of_constant;
+  for (Index j = 0; j < m; ++j) {
+    for (Index k = 0; k < unit.steps(); ++k) unit.output(k).col(j).array() += 1.0;
+    of_constant.push_back(innovations(unit));
+    for (Index k = 0; k < unit.steps(); ++k) {
+      of_constant.back()[size_t(k)] -= of_zero[size_t(k)];
+      unit.output(k).col(j).array() -= 1.0;
+    }
+  }
+  Matrix information = Matrix::Zero(m, m), derivative(m, m);
+  Vector score = Vector::Zero(m);
+  for (size_t k = 0; k < std::min(all.size(), size_t(model.k_end())); ++k) {
+    const auto inverse = model.at(std::max(Index(k), model.k_begin)).innovation_cov().ldlt();
+    for (Index n = 0; n < N; ++n) {
+      for (Index j = 0; j < m; ++j) derivative.col(j) = of_constant[size_t(j)][k].row(n).transpose();
+      const Vector e = all[k].row(n).transpose();
+      if (!e.allFinite() || !derivative.allFinite()) continue;
+      const Matrix weighted = inverse.solve(derivative);
+      information += derivative.transpose() * weighted;
+      score += weighted.transpose() * e;
+    }
+  }
+  const auto factors = information.ldlt();
+  const Vector constant = factors.solve(score),
+               deviation = factors.solve(Matrix::Identity(m, m)).diagonal().cwiseSqrt();
+  const bool determined =
+      constant.allFinite() && (deviation.array() <= channel_sizes(departures, departures.inputs(), m).array()).all();
+  return determined ? std::optional(constant) : std::nullopt;
 }
 
 }  // namespace tokid

@@ -12,6 +12,7 @@
 #include "base/integers.hpp"
 #include "base/statistics.hpp"
 #include "base/words.hpp"
+#include "choose/constant.hpp"
 #include "choose/realisation.hpp"
 #include "choose/stages.hpp"
 #include "data/axes.hpp"
@@ -289,6 +290,12 @@ Model measured_model(Model model, const Prepared& prepared, const std::vector<In
   return model;
 }
 
+// The constant of a regression is uncertain, above all if the plant is slow. That of the model is not.
+void add_remaining_constant(const Model& model, InitialState initial, Prepared& prepared) {
+  if (const std::optional<Vector> remaining = remaining_constant(model, prepared.data, initial))
+    prepared.nominal->y.rowwise() += remaining->cwiseProduct(prepared.units.output).transpose();
+}
+
 Findings measured_findings(Findings findings, const Units& units) {
   for (Finding& finding : findings)
     for (Finding::Term& term : finding.terms)
@@ -420,6 +427,8 @@ Identification identified(const Ensemble& used, const Vector& weights, const Mea
   if (realisation.instead) examine();
   append(findings, std::move(of_regressions));
   append(findings, std::move(realisation.findings));
+  if (nominal && options.period == 1 && !options.nominal && realisation.plan.noisy)
+    add_remaining_constant(realisation.model, realisation.plan.initial_state, prepared);
   result.plan = measured_plan(std::move(realisation.plan), prepared);
   const std::optional<WithoutHeldInputs> late = without_held_inputs(used, realisation.model, result.plan, prepared);
   result.model = measured_model(std::move(realisation.model), prepared, prepared.delays);
