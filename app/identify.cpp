@@ -487,15 +487,11 @@ Json json(const Call& call, const Data& data, const Identification& result, cons
     j["outliers"].push_back({{"experiment", o.experiment},
                              {"name", o.name.empty() ? Json() : Json(o.name)},
                              {"ratio", o.ratio},
-                             {"explanation", json_of(o.explanation)},
                              {"outputs", json_of(o.outputs)},
                              {"weight", o.weight},
                              {"held_out", o.held_out}});
   j["outlying_samples"] = json_of(result.validation.outlying);
   j["copies"] = result.copies.groups;
-  j["dependent"] = Json::array();
-  for (const DependentExperiment& c : result.dependent.combinations)
-    j["dependent"].push_back({{"experiment", c.experiment}, {"of", c.of}, {"weights", c.weights}});
   add_findings(j, result.findings);
   j["seconds"] = result.seconds;
   j["version"] = version;

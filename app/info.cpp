@@ -48,13 +48,12 @@ std::vector<Channel> channels(const Ensemble& e) {
   return result;
 }
 
-// Copies, dependent and empty experiments do not count.
+// Copies and empty experiments do not count.
 Index usable_experiments(const Ensemble& e, const Findings& findings) {
   using Kind = Finding::Kind;
   Index count = e.experiments();
   for (const Finding& f : findings)
-    if (f.kind == Kind::experiments_copied || f.kind == Kind::experiments_dependent ||
-        f.kind == Kind::experiments_empty)
+    if (f.kind == Kind::experiments_copied || f.kind == Kind::experiments_empty)
       count -= Index(f.experiments.size());
   return count;
 }

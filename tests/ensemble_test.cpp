@@ -13,7 +13,6 @@
 #include "testing.hpp"
 #include "tokid/copies.hpp"
 #include "tokid/cross_validate.hpp"
-#include "tokid/dependence.hpp"
 #include "tokid/em.hpp"
 #include "tokid/example.hpp"
 #include "tokid/gtv_arx.hpp"
@@ -440,7 +439,6 @@ TEST(Check, InfiniteSamplesAreRefusedByEachFunction) {
       {"window_factors", [&](const Ensemble& e) { window_factors(e, 2, InitialState::zero); }},
       {"update_state", [&](const Ensemble& e) { update_state(e, result, options); }},
       {"find_copies", [&](const Ensemble& e) { find_copies(e); }},
-      {"find_dependence", [&](const Ensemble& e) { find_dependence(e); }},
       {"cross_validate", [&](const Ensemble& e) { cross_validate(e, options); }},
       {"identify", [&](const Ensemble& e) { identify(e, options); }}};
   Ensemble bad_output = data, bad_input = data;

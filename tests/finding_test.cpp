@@ -61,35 +61,6 @@ TEST(Finding, SentencesAreComplete) {
   }
 }
 
-// Each explanation has a name of its own, and its sentence needs only the fields of its kind.
-TEST(Finding, ExplanationsHaveNamesAndSentences) {
-  const std::pair<Explanation, const char*> all[] = {
-      {{.kind = Explanation::Kind::swapped, .channels = {u1, u2}}, "It would fit with inputs u1 and valve swapped"},
-      {{.kind = Explanation::Kind::at_zero, .channels = {u2}}, "It would fit with input valve at zero"},
-      {{.kind = Explanation::Kind::sign_changed, .channels = {y1}}, "It would fit with the sign of output y1 changed"},
-      {{.kind = Explanation::Kind::scaled, .channels = {y1}, .numbers = {{"factor", 1000.0}}},
-       "It would fit with output y1 multiplied by 1000"},
-      {{.kind = Explanation::Kind::outputs_scaled, .numbers = {{"factor", 0.5}}},
-       "It would fit with all outputs multiplied by 0.5"},
-      {{.kind = Explanation::Kind::offset, .channels = {y1}, .numbers = {{"offset", -2.0}}},
-       "It would fit with 2 subtracted from output y1"},
-      {{.kind = Explanation::Kind::shifted, .channels = {u1}, .numbers = {{"earlier", -1.0}}},
-       "It would fit with input u1 1 step later"},
-      {{.kind = Explanation::Kind::outputs_shifted, .numbers = {{"earlier", 2.0}}},
-       "It would fit with the outputs 2 steps earlier"},
-      {{.kind = Explanation::Kind::all_shifted, .numbers = {{"earlier", 1.0}}},
-       "It would fit with all channels 1 step earlier"},
-      {{.kind = Explanation::Kind::stuck, .channels = {y1}, .steps = {3, 9}, .numbers = {{"value", 0.5}}},
-       "Its output y1 stays at 0.5 at steps 3–9"},
-      {{.kind = Explanation::Kind::one_output, .channels = {y1}}, "Nearly all of its residual is in output y1"}};
-  ASSERT_EQ(std::size(all), size_t(Explanation::Kind::last) + 1);
-  std::set<std::string> names;
-  for (const auto& [explanation, sentence] : all) {
-    EXPECT_EQ(in_words(explanation), sentence);
-    EXPECT_TRUE(names.insert(to_string(explanation.kind)).second) << sentence;
-  }
-}
-
 // With every field that a reason may have, its sentence lacks none.
 TEST(Conclusion, SentencesAreComplete) {
   Conclusion all{

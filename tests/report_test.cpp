@@ -15,7 +15,7 @@
 #include "report/validated.hpp"
 #include "report/verdict_json.hpp"
 #include "testing.hpp"
-#include "tokid/dependence.hpp"
+#include "tokid/copies.hpp"
 #include "tokid/example.hpp"
 #include "tokid/identify.hpp"
 #include "tokid/remarks.hpp"
@@ -1127,7 +1127,7 @@ TEST(Validated, IsTheValidationAndTheVerdict) {
         EXPECT_EQ(json_of(found.verdict.checks).dump(), json_of(v.checks).dump());
         EXPECT_EQ(in_words(found.validation.findings), in_words(expected.findings));
         EXPECT_EQ(found.seen, has_seen(model.provenance, *tested));
-        EXPECT_EQ(found.rows, used_experiments(*tested).rows());
+        EXPECT_EQ(found.rows, used_experiments(*tested).rows);
         EXPECT_EQ(found.rows.size() + 1, size_t(tested->experiments()));
         EXPECT_EQ(found.fits.experiments(), Index(found.rows.size()));
         for (const auto member : {&Validation::simulation, &Validation::one_step, &Validation::horizon})

@@ -66,7 +66,7 @@ CPP = {
     "data": ("Data", ["ensemble", "runs", "ensemble_file", "io", "windows", "design", "example", "file_lock", "types"]),
     "model": ("Model", ["model", "step", "model_file", "provenance"]),
     "validate": ("Validate and diagnose", ["validate", "innovations", "conclusion", "finding", "remarks", "corrections",
-                                           "outlier", "copies", "dependence", "uncertainty", "report"]),
+                                           "outlier", "copies", "uncertainty", "report"]),
     "control": ("Control and learning", ["control", "controller_file", "learning", "observer", "online_observer"]),
     "modes": ("Modes", ["modes"]),
     "export": ("Export", ["deploy"]),

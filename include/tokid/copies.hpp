@@ -1,4 +1,4 @@
-// Search for copies. An experiment that is in the data more than once has copies.
+// Search for copies, and for experiments without a sample: those that are not used.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -25,5 +25,17 @@ Copies find_copies(const Ensemble& ensemble);
 
 // Findings that name the copies and their originals. Empty if there are no copies.
 Findings findings_of(const Copies& copies, const Ensemble& ensemble);
+
+// The experiments to use: without copies and without experiments that have no sample. Row numbers are those of the whole
+// data.
+struct UsedExperiments {
+  Copies copies;
+  std::vector<Index> empty = {};  // rows of the experiments without a sample
+  std::vector<Index> rows = {};   // those to use, ascending
+
+  bool all(const Ensemble& ensemble) const { return Index(rows.size()) == ensemble.experiments(); }
+};
+UsedExperiments used_experiments(const Ensemble& ensemble);
+Findings findings_of(const UsedExperiments& used, const Ensemble& ensemble);
 
 }  // namespace tokid

@@ -3,7 +3,6 @@
 #pragma once
 
 #include <map>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -22,31 +21,6 @@ struct FindingChannel {
   Index index = 0;      // among the inputs, or the outputs
   std::string name;
   bool operator==(const FindingChannel&) const = default;
-};
-
-// The possible cause of an outlier: a change of its samples after which its residuals are as small as those of other
-// experiments, or the output that has nearly all of the residual.
-struct Explanation {
-  // A comment after a kind lists the fields of Explanation that have values.
-  enum class Kind {
-    swapped,          // channels: two inputs, or two outputs
-    at_zero,          // channels: an input that is set to zero
-    sign_changed,     // channels
-    scaled,           // channels; numbers: factor
-    outputs_scaled,   // all outputs; numbers: factor
-    offset,           // channels; numbers: offset, which is added
-    shifted,          // channels; numbers: earlier [steps], negative for later
-    outputs_shifted,  // all outputs; numbers: as for shifted
-    all_shifted,      // all channels; numbers: as for shifted
-    stuck,            // channels, steps: first and last; numbers: value
-    one_output,       // channels: the output that has nearly all of the residual
-    last = one_output
-  };
-  Kind kind = Kind::swapped;
-  std::vector<FindingChannel> channels = {};
-  std::vector<Index> steps = {};
-  std::map<std::string, double> numbers = {};
-  bool operator==(const Explanation&) const = default;
 };
 
 struct Finding {
@@ -96,9 +70,8 @@ struct Finding {
     angle_wraps,                   // channels, experiments, steps: the first jump; numbers: turn, count
     experiments_empty,             // experiments; numbers: experiments
     experiments_copied,            // experiments, groups: the original of each copy; numbers: experiments
-    experiments_dependent,         // experiments, groups: the terms of each sum; numbers: experiments
     inputs_repeated,               // numbers: experiments, courses, needed, lags
-    experiment_outlying,           // experiments, channels; numbers: ratio, weight, held_out; explanation
+    experiment_outlying,           // experiments, channels; numbers: ratio, weight, held_out
     more_outlying_experiments,     // numbers: count
     samples_outlying,              // channels, experiments, steps; numbers: error, usual, weight
     more_outlying_samples,         // numbers: count
@@ -196,10 +169,9 @@ struct Finding {
   std::vector<Index> steps = {};
   std::map<std::string, double> numbers = {};
   std::vector<Term> terms = {};
-  // for each of `experiments`: the experiments of which it is a copy or a sum
+  // for each of `experiments`: the experiment of which it is a copy
   std::vector<std::vector<Experiment>> groups = {};
   std::vector<std::string> names = {};          // of channels in the model, if the data have other names
-  std::optional<Explanation> explanation = {};  // cause of an outlier, if known
   std::string detail = {};                      // text of a file reader, an option or an error
   std::string file = {};                        // the file with the data of the finding, if there are several files
 
@@ -210,11 +182,9 @@ using Findings = std::vector<Finding>;
 
 const char* to_string(Finding::Scope scope);
 const char* to_string(Finding::Kind kind);  // "input_zero": the stable name in JSON and Python
-const char* to_string(Explanation::Kind kind);
 Severity severity(Finding::Kind kind);
 
 std::string in_words(const Finding& finding);
-std::string in_words(const Explanation& explanation);
 std::vector<std::string> in_words(const Findings& findings);
 // Are the sentences of both findings the same, apart from the last digits of numbers?
 bool same_words(const Finding& a, const Finding& b);

@@ -10,7 +10,6 @@
 
 #include "tokid/choices.hpp"
 #include "tokid/copies.hpp"
-#include "tokid/dependence.hpp"
 #include "tokid/lag_orders.hpp"
 #include "tokid/options.hpp"
 #include "tokid/outlier.hpp"
@@ -43,12 +42,12 @@ struct Identification {
   bool held_out = false;           // true: `validation` uses held-out data; false: the training data
   Index held_out_experiments = 0;  // their number; 0 also if the end of a single record is held out
   Validation validation;
-  // Outliers, with their rows in the whole data. Empty for data without noise or with fewer than five experiments.
+  // Outliers, with their rows in the whole data. Empty with fewer than five experiments.
   std::vector<Outlier> outliers;
-  // Copies and dependent experiments, with their rows in the whole data. `dependent.used` has the rows of the
-  // experiments that were used, before outliers were dropped.
+  // Copies, with their rows in the whole data.
   Copies copies;
-  Dependence dependent;
+  // Rows of the experiments that were used, before outliers were dropped. Empty: all.
+  std::vector<Index> used;
   Findings findings;
   double seconds = 0.0;  // of the whole call
 };

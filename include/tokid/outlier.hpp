@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -9,14 +8,12 @@
 
 namespace tokid {
 
-// An experiment that does not fit the model of the other experiments, because its residuals are too large.
+// An experiment that does not fit the model of the other experiments, because its innovations are too large.
 struct Outlier {
   Index experiment = 0;
-  double ratio = 0.0;  // size of its residuals by a model of the others, over the typical size
-  std::optional<Explanation> explanation = {};
+  double ratio = 0.0;  // size of its innovations by a model of the others, over the typical size
   std::string name = {};  // name of the experiment; empty where the data give none
-  // The output with the largest innovations, and other outputs with innovations that are too large; empty if the
-  // outlier was not found by the innovations.
+  // The output with the largest innovations, and other outputs with innovations that are too large.
   std::vector<FindingChannel> outputs = {};
   double weight = 1.0;    // weight in the identification: 1: as any other, 0: dropped
   bool held_out = false;  // true: an experiment that was held out for validation

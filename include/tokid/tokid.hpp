@@ -9,7 +9,6 @@
 #include "tokid/copies.hpp"
 #include "tokid/corrections.hpp"
 #include "tokid/cross_validate.hpp"
-#include "tokid/dependence.hpp"
 #include "tokid/deploy.hpp"
 #include "tokid/design.hpp"
 #include "tokid/em.hpp"

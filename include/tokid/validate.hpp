@@ -67,7 +67,7 @@ struct Validation {
 // \throws std::invalid_argument where channels disagree, for an infinite sample, if no step of the data has a model, or
 // if the first step of the fits is outside these steps
 Validation validate(const Model& model, const Ensemble& data, const ValidateOptions& options = {});
-// Validates without copies and dependent experiments. The findings name the experiments that are left out.
+// Validates without copies. The findings name the experiments that are left out.
 Validation validate_distinct(const Model& model, const Ensemble& data, const ValidateOptions& options = {});
 
 // Fits and errors of each of N experiments alone. NaN where nothing can be compared.

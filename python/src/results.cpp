@@ -150,10 +150,6 @@ nb::any object_of(const RefinementChoice& c) {
                                    {"ahead_model_share", c.ahead.model_share}});
 }
 
-nb::any object_of(const DependentExperiment& c) {
-  return make("DependentExperiment", {{"experiment", c.experiment}, {"of", c.of}, {"weights", c.weights}});
-}
-
 nb::any object_of(const Finding::Channel& c) {
   return make("FindingChannel", {{"side", c.output ? "output" : "input"}, {"index", c.index}, {"name", c.name}});
 }
@@ -182,20 +178,10 @@ nb::dict dict_of(const std::map<std::string, double>& numbers) {
   return dict;
 }
 
-nb::object object_of(const std::optional<Explanation>& e) {
-  if (!e) return nb::none();
-  return make("Explanation", {{"kind", to_string(e->kind)},
-                              {"channels", objects_of(e->channels)},
-                              {"steps", e->steps},
-                              {"numbers", dict_of(e->numbers)},
-                              {"text", in_words(*e)}});
-}
-
 nb::any object_of(const Outlier& o) {
   return make("Outlier", {{"experiment", o.experiment},
                           {"name", o.name.empty() ? nb::object(nb::none()) : results::cast(o.name)},
                           {"ratio", o.ratio},
-                          {"explanation", object_of(o.explanation)},
                           {"outputs", objects_of(o.outputs)},
                           {"weight", o.weight},
                           {"held_out", o.held_out}});
@@ -232,7 +218,6 @@ nb::any object_of(const Finding& f) {
                           {"terms", objects_of(f.terms)},
                           {"groups", nb::object(groups)},
                           {"names", texts(f.names)},
-                          {"explanation", object_of(f.explanation)},
                           {"detail", f.detail},
                           {"file", f.file}});
 }
@@ -369,8 +354,6 @@ nb::any object_of(const Verdict& v) {
 nb::any object_of(const Identification& i) {
   nb::list outliers;
   for (const Outlier& o : i.outliers) outliers.append(object_of(o));
-  nb::list dependent;
-  for (const DependentExperiment& c : i.dependent.combinations) dependent.append(object_of(c));
   return make("Identification", {{"experiments", i.experiments},
                                  {"steps", i.steps},
                                  {"lags", i.plan.lags},
@@ -397,7 +380,6 @@ nb::any object_of(const Identification& i) {
                                  {"validation", object_of(i.validation, i.model.names)},
                                  {"outliers", outliers},
                                  {"copies", i.copies.groups},
-                                 {"dependent", dependent},
                                  {"findings", list_of(i.findings)},
                                  {"seconds", i.seconds}});
 }

@@ -417,19 +417,6 @@ def test_evidence():
     assert page.startswith("<table>") and "held out" in page
 
 
-def test_experiments_made_of_others(noisy):
-    u, y = (np.concatenate([v, v[:1] + v[1:2], 2 * v[5:6]]) for v in (noisy.u, noisy.y))
-    with pytest.warns(tokid.TokidWarning, match="2 of 42 experiments are sums or multiples of other experiments"):
-        model = tokid.identify(u, y, dt=noisy.dt, initial_state="zero", refine=False)
-    first, second = model.identification.dependent
-    assert (first.experiment, first.of) == (40, [0, 1]) and np.allclose(first.weights, 1, rtol=1e-12)
-    assert (second.experiment, second.of) == (41, [5]) and np.allclose(second.weights, 2, rtol=1e-12)
-    assert model.identification.experiments == 40
-    with pytest.warns(tokid.TokidWarning, match="2 of 42 experiments are sums or multiples of other experiments"):
-        found = model.validate(u, y)
-    assert np.array_equal(found.simulation.fit, model.validate(noisy).simulation.fit)
-
-
 def test_copies(model, data, same_model):
     copied = pickle.loads(pickle.dumps(model))
     same_model(model, copied)

@@ -120,30 +120,6 @@ class FindingTerm:
 
 
 @dataclass(frozen=True, repr=False)
-class Explanation(_Result):
-    """The possible cause of an outlier: a change that makes its residuals usual, or a place where it differs.
-
-    Attributes
-    ----------
-    kind : str
-        "swapped", "scaled", …; docs/formats.md lists the kinds.
-    channels : list of FindingChannel
-    steps : list of int
-        The first and the last step at which a channel is stuck.
-    numbers : dict of str to float
-        The size of the change, with the names of the kind.
-    text : str
-        The sentence.
-    """
-
-    kind: str
-    channels: list[FindingChannel]
-    steps: list[int]
-    numbers: dict[str, float]
-    text: str
-
-
-@dataclass(frozen=True, repr=False)
 class Finding(_Result):
     """A fact about data, a model or an identification that the user should know.
 
@@ -174,8 +150,6 @@ class Finding(_Result):
         For each of `experiments`: the experiments that it is a copy or a weighted sum of.
     names : list of str
         Names in the model, if those in the data differ.
-    explanation : Explanation or None
-        Possible cause of an outlier.
     detail : str
         A text from elsewhere, such as the message of an error or the name of an option.
     file : str
@@ -193,7 +167,6 @@ class Finding(_Result):
     terms: list[FindingTerm] = field(default_factory=list)
     groups: list[list[FindingExperiment]] = field(default_factory=list)
     names: list[str] = field(default_factory=list)
-    explanation: Optional[Explanation] = None
     detail: str = ""
     file: str = ""
 
@@ -840,7 +813,7 @@ class RefinementChoice(_Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Outlier(_Result):
-    """An experiment that does not fit the model of the others: its residuals, or its innovations, are too large.
+    """An experiment that does not fit models of the others: its innovations are too large.
 
     Attributes
     ----------
@@ -849,11 +822,9 @@ class Outlier(_Result):
     name : str or None
         Name of the experiment, if the data give one.
     ratio : float
-        Size of its residuals by a model of the other experiments, over the usual size.
-    explanation : Explanation or None
-        Possible cause. None if none was found.
+        Size of its innovations by models of the other experiments, over the usual size.
     outputs : list of FindingChannel
-        The outputs with innovations that are too large, the worst first. Empty if regressions found the experiment.
+        The outputs with innovations that are too large, the worst first.
     weight : float
         Weight in the identification. 1: as any other experiment. 0: dropped.
     held_out : bool
@@ -863,28 +834,9 @@ class Outlier(_Result):
     experiment: int
     name: Optional[str]
     ratio: float
-    explanation: Optional[Explanation]
     outputs: list[FindingChannel]
     weight: float
     held_out: bool
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class DependentExperiment(_Result):
-    """An experiment that is a weighted sum of other experiments, within rounding.
-
-    Attributes
-    ----------
-    experiment : int
-        Row of the experiment in the data.
-    of : list of int
-        Rows of the other experiments.
-    weights : ndarray, shape (others,)
-    """
-
-    experiment: int
-    of: list[int]
-    weights: Array
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -955,11 +907,9 @@ class Identification(_Found):
         Number of held-out experiments. 0 also if the end of a single record is held out.
     validation : Validation
     outliers : list of Outlier
-        Outliers. The search needs noise and at least five experiments.
+        Outliers. The search needs at least five experiments.
     copies : list of list of int
         Rows of experiments that are copies of each other, within rounding. The first one of each list was used.
-    dependent : list of DependentExperiment
-        Experiments that are weighted sums of others, within rounding. They were not used.
     findings : list of Finding
     seconds : float
         Duration of the whole identification [s].
@@ -994,7 +944,6 @@ class Identification(_Found):
     validation: Validation
     outliers: list[Outlier]
     copies: list[list[int]]
-    dependent: list[DependentExperiment]
     findings: list[Finding]
     seconds: float
     verdict: Optional[Verdict] = None
@@ -1015,9 +964,9 @@ class Identification(_Found):
             rows.append(("Jumps", "at " + ", ".join(str(jump.step) for jump in self.refinement.jumps)))
         if self.outliers:
             rows.append(("Outliers", plural(len(self.outliers), "experiment")))
-        unused = sum(len(group) - 1 for group in self.copies) + len(self.dependent)
+        unused = sum(len(group) - 1 for group in self.copies)
         if unused:
-            rows.append(("Not used", f"{plural(unused, 'experiment')}: copies or sums of others"))
+            rows.append(("Not used", f"{plural(unused, 'experiment')}: copies of others"))
         return rows + self._judgement() + self._warned()
 
     def _smoothing(self) -> str:

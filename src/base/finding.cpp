@@ -110,7 +110,7 @@ std::string where(const Finding& f) {
   return filled(period == 1 ? "at every step" : period == 0 ? "in every experiment at {@steps}" : "at {@steps} of every period", f);
 }
 
-// ---- dependent experiments ----
+// ---- experiments ----
 
 // "experiments 3 and 5"
 std::string experiments(const std::vector<Experiment>& list, size_t most) {
@@ -125,7 +125,7 @@ std::string made_of(const Finding& f) {
   for (size_t i = 0; i < f.experiments.size();) {
     std::vector<Experiment> alike{f.experiments[i]};
     size_t j = i + 1;
-    while (f.kind == Kind::experiments_copied && j < f.experiments.size() && f.groups[j] == f.groups[i])
+    while (j < f.experiments.size() && f.groups[j] == f.groups[i])
       alike.push_back(f.experiments[j++]);
     if (parts.size() < most_groups)
       parts.push_back(fmt::format("{} of {}", experiments(alike, most_groups), experiments(f.groups[i], most_groups)));
@@ -150,9 +150,7 @@ std::string ended(const Finding& f) {
 // What is known of an experiment that does not fit, and what was done about it.
 std::string misfit_details(const Finding& f) {
   const double weight = f.numbers.at("weight");
-  return (f.explanation         ? ". " + in_words(*f.explanation)
-          : f.channels.empty() ? ""
-                                : filled(". The largest residuals are in output {@channel}", f)) +
+  return filled(f.channels.empty() ? "" : ". The largest residuals are in output {@channel}", f) +
          filled(weight == 0          ? ". The experiment was dropped"
                 : weight < 1         ? ". The experiment counts with the weight {weight~2} instead of 1"
                 : is(f, "held_out") ? ". The experiment is held out from the identification, and the fit on held-out data includes its errors"
@@ -198,12 +196,11 @@ constexpr Part parts[] = {
     {"channel", [](const Finding& f) { return f.channels.front().name; }},
     {"last channel", [](const Finding& f) { return f.channels.back().name; }},
     {"channels", [](const Finding& f) { return words::listed(names_of(f.channels)); }},
-    {"side", [](const Finding& f) { return std::string(f.channels.front().output ? "output" : "input"); }},
     {"sides", [](const Finding& f) { return words::listed(names_of(f.channels, true)); }},  // "input u1 and output y2"
     {"own names", [](const Finding& f) { return fmt::to_string(fmt::join(names_of(f.channels), ", ")); }},
     {"names", [](const Finding& f) { return fmt::to_string(fmt::join(f.names, ", ")); }},
     {"unit", [](const Finding& f) { return f.names.at(0); }},
-    {"unit of model", [](const Finding& f) { return f.names.at(1); }},
+    {"model unit", [](const Finding& f) { return f.names.at(1); }},
     {"compared", [](const Finding& f) { return f.detail.empty() ? "data" : f.detail; }},
     {"detail", [](const Finding& f) { return f.detail; }},
     {"step", [](const Finding& f) { return fmt::to_string(f.steps.front()); }},
@@ -221,13 +218,10 @@ constexpr Part parts[] = {
     {"timed combination", [](const Finding& f) { return combination(f, true); }},
     {"where", where},
     {"made of", made_of},
-    {"in blocks", [](const Finding&) { return std::string("An identification in blocks uses these experiments, too. If they agree at all steps, delete them from the data, or identify with --block all"); }},
     {"ended", ended},
     {"misfit", misfit_details},
     {"about samples", about_samples},
     {"known", known},
-    {"offset", [](const Finding& f) { return filled(f.numbers.at("offset") < 0 ? "{size~} subtracted from" : "{size~} added to", f); }},
-    {"shift", [](const Finding& f) { return filled(f.numbers.at("earlier") > 0 ? "{size step} earlier" : "{size step} later", f); }},
 };
 
 std::string filled(std::string_view text, const Finding& f) {
@@ -241,7 +235,7 @@ std::string filled(std::string_view text, const Finding& f) {
                          [&](std::string_view name) {
                            for (const Part& part : parts)
                              if (part.name == name) return part.words(f);
-                           throw std::logic_error(fmt::format("finding {}: no part {}", to_string(f.kind), name));
+                           throw std::logic_error(fmt::format("no part {} of finding {}", name, to_string(f.kind)));
                          }});
 }
 
@@ -314,9 +308,7 @@ constexpr Entry table[] = {
     {Kind::experiments_empty, "experiments_empty", warning,
      "{#experiments} of {experiments} experiments {#experiments|has|have} no samples: {@experiments}. {#experiments|This experiment is|These experiments are} not used"},
     {Kind::experiments_copied, "experiments_copied", warning,
-     "{#experiments} of {experiments} experiments {#experiments|is a copy of another experiment|are copies of other experiments}, within rounding: {@made of}. {#first steps|{@in blocks}|{#experiments|The copy is|The copies are} not used}"},
-    {Kind::experiments_dependent, "experiments_dependent", warning,
-     "{#experiments} of {experiments} experiments {#experiments|is a sum or multiple of other experiments|are sums or multiples of other experiments}, within rounding: {@made of}. {#first steps|{@in blocks}|{#experiments|This experiment adds|These experiments add} no information and {#experiments|is|are} not used}"},
+     "{#experiments} of {experiments} experiments {#experiments|is a copy of another experiment|are copies of other experiments}, within rounding: {@made of}. {#first steps|An identification in blocks uses these experiments, too. If they agree at all steps, delete them from the data, or identify with --block all|{#experiments|The copy is|The copies are} not used}"},
     {Kind::inputs_repeated, "inputs_repeated", warning,
      "{experiments experiment} have only {courses different input signal}. Experiments with the same inputs show the noise, but excite the system no more than one of them. Lag order {lags} needs at least {needed} different input signals"},
     {Kind::experiment_outlying, "experiment_outlying", warning,
@@ -418,7 +410,7 @@ constexpr Entry table[] = {
     {Kind::output_names_differ, "output_names_differ", warning,
      "the {@compared}'s outputs are named {@own names}, but the model's outputs are named {@names}"},
     {Kind::units_differ, "units_differ", warning,
-     "the {@compared}'s {@sides} has the unit {@unit}, but this channel of the model has the unit {@unit of model}. tokid does not convert units"},
+     "the {@compared}'s {@sides} has the unit {@unit}, but this channel of the model has the unit {@model unit}. tokid does not convert units"},
     {Kind::model_ends_early, "model_ends_early", warning,
      "the model ends with step {last}, so it does not cover the last {steps step} of the data"},
     {Kind::nothing_predicted, "nothing_predicted", warning,
@@ -534,42 +526,6 @@ std::vector<std::string> in_words(const Findings& findings) {
   std::vector<std::string> result;
   for (const Finding& finding : findings) result.push_back(in_words(finding));
   return result;
-}
-
-namespace {
-
-struct ExplanationEntry {
-  Explanation::Kind kind;
-  const char *name, *text;
-};
-
-using Cause = Explanation::Kind;
-
-constexpr ExplanationEntry explanations[] = {
-    {Cause::swapped, "swapped", "It would fit with {@side}s {@channels} swapped"},
-    {Cause::at_zero, "at_zero", "It would fit with {@sides} at zero"},
-    {Cause::sign_changed, "sign_changed", "It would fit with the sign of {@sides} changed"},
-    {Cause::scaled, "scaled", "It would fit with {@sides} multiplied by {factor~}"},
-    {Cause::outputs_scaled, "outputs_scaled", "It would fit with all outputs multiplied by {factor~}"},
-    {Cause::offset, "offset", "It would fit with {@offset} {@sides}"},
-    {Cause::shifted, "shifted", "It would fit with {@sides} {@shift}"},
-    {Cause::outputs_shifted, "outputs_shifted", "It would fit with the outputs {@shift}"},
-    {Cause::all_shifted, "all_shifted", "It would fit with all channels {@shift}"},
-    {Cause::stuck, "stuck", "Its {@sides} stays at {value~} at steps {@step}–{@last}"},
-    {Cause::one_output, "one_output", "Nearly all of its residual is in {@sides}"},
-};
-
-}  // namespace
-
-static_assert(lists_each_in_order(explanations, &ExplanationEntry::kind));
-
-const char* to_string(Explanation::Kind kind) { return explanations[size_t(kind)].name; }
-
-std::string in_words(const Explanation& explanation) {
-  Finding f{.channels = explanation.channels, .steps = explanation.steps, .numbers = explanation.numbers};
-  for (const char* name : {"offset", "earlier"})
-    if (const auto found = f.numbers.find(name); found != f.numbers.end()) f.numbers["size"] = std::abs(found->second);
-  return filled(explanations[size_t(explanation.kind)].text, f);
 }
 
 bool same_words(const Finding& a, const Finding& b) { return in_words(a) == in_words(b); }

@@ -46,15 +46,6 @@ Json json_of(const Conclusion& conclusion) {
 
 }  // namespace
 
-Json json_of(const std::optional<Explanation>& explanation) {
-  if (!explanation) return {};
-  return {{"kind", to_string(explanation->kind)},
-          {"channels", list(explanation->channels)},
-          {"steps", explanation->steps},
-          {"numbers", object(explanation->numbers)},
-          {"text", in_words(*explanation)}};
-}
-
 Json json_of(const Finding& finding) {
   Json j = {{"kind", to_string(finding.kind)},          {"severity", to_string(severity(finding.kind))},
             {"scope", to_string(finding.scope)},        {"channels", list(finding.channels)},
@@ -66,7 +57,6 @@ Json json_of(const Finding& finding) {
     j["groups"] = Json::array();
     for (const auto& group : finding.groups) j["groups"].push_back(list(group));
   }
-  if (finding.explanation) j["explanation"] = json_of(finding.explanation);
   if (!finding.detail.empty()) j["detail"] = finding.detail;
   if (!finding.file.empty()) j["file"] = finding.file;
   return j;

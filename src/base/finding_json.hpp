@@ -9,7 +9,6 @@
 namespace tokid {
 
 Json json_of(const Finding& finding);
-Json json_of(const std::optional<Explanation>& explanation);  // null without an explanation
 Json json_of(const Findings& findings);
 Json json_of(const std::vector<FindingChannel>& channels);
 // An object with one member for each test, under the name of the test.

@@ -4,7 +4,9 @@
 #include <stdexcept>
 #include <utility>
 
+#include "base/integers.hpp"
 #include "base/nan.hpp"
+#include "choose/regression.hpp"
 #include "data/rows.hpp"
 #include "tokid/parallel.hpp"
 #include "tokid/smooth_arx.hpp"
@@ -38,22 +40,34 @@ Matrix root_mean_squares(const Ensemble& e) {
   return (square.array() / count.array()).sqrt();
 }
 
-void add(const Split& data, const Plan& plan, Unseen& result) {
-  Model model = realise(data.training, regressions(data.training, plan), data.training.free, plan);
-  if (model.steps() == 0) throw std::invalid_argument("experiments: too few found for a model without some of them");
-  const Prediction predicted = predict(model, data.held_out, {1, plan.initial_state});
-  const Matrix response = root_mean_squares(simulate_data(model, data.held_out, plan.initial_state));
-  result.response(data.held_out_rows, Eigen::all) = response;
+// Adds these experiments, as departures, by a model of departures.
+void add(const Model& model, const Ensemble& e, const std::vector<Index>& experiments, const Plan& plan,
+         Unseen& result) {
+  const Prediction predicted = predict(model, e, {1, plan.initial_state});
+  result.response(experiments, Eigen::all) = root_mean_squares(simulate_data(model, e, plan.initial_state));
   for (size_t k = 0; k < result.innovations.size(); ++k)
-    result.innovations[k](data.held_out_rows, Eigen::all) = predicted.innovations[k];
+    result.innovations[k](experiments, Eigen::all) = predicted.innovations[k];
+}
+
+void add(const Split& data, const Plan& plan, Unseen& result) {
+  const Ensemble& training = data.training;
+  const bool enough = plan.coupled || training.experiments() >= experiments_for(training, plan.lags, plan);
+  const Model model = enough ? realise(training, regressions(training, plan), training.free, plan) : Model();
+  if (model.steps() == 0) throw std::invalid_argument("experiments: too few found for a model without some of them");
+  add(model, data.held_out, data.held_out_rows, plan, result);
+}
+
+Unseen none_of(const Ensemble& e) {
+  return {Innovations(size_t(e.steps()), Matrix::Constant(e.experiments(), e.outputs(), nan)),
+          Matrix::Constant(e.experiments(), e.outputs(), nan)};
 }
 
 }  // namespace
 
 std::optional<Unseen> unseen(const Ensemble& measured, const Plan& plan, const std::vector<char>& out,
                              const Execution& execution) {
-  const Index N = measured.experiments(), m = measured.outputs(), folds = fold_count(N);
-  Unseen result{Innovations(size_t(measured.steps()), Matrix::Constant(N, m, nan)), Matrix::Constant(N, m, nan)};
+  const Index folds = fold_count(measured.experiments());
+  Unseen result = none_of(measured);
   try {
     // Each fold writes rows of its own.
     parallel_for(0, folds, execution, [&](Index begin, Index end) {
@@ -61,6 +75,19 @@ std::optional<Unseen> unseen(const Ensemble& measured, const Plan& plan, const s
     });
   } catch (const std::invalid_argument&) {
     return std::nullopt;
+  }
+  return result;
+}
+
+Unseen seen(const Ensemble& measured, Model model, const Plan& plan) {
+  Unseen result = none_of(measured);
+  const std::vector<Index> all = range(0, measured.experiments());
+  if (model.y_nominal.size() == 0) {
+    add(model, measured, all, plan, result);
+  } else {
+    const Nominal nominal{std::move(model.u_nominal), std::move(model.y_nominal)};
+    model.u_nominal = model.y_nominal = {};
+    add(model, departures(measured, nominal), all, plan, result);
   }
   return result;
 }

@@ -21,5 +21,7 @@ struct Unseen {
 // their mean motion. Without a value if the experiments outside a fold are too few for this plan.
 std::optional<Unseen> unseen(const Ensemble& measured, const Plan& plan, const std::vector<char>& out,
                              const Execution& execution = {});
+// The same by one model of all experiments.
+Unseen seen(const Ensemble& measured, Model model, const Plan& plan);
 
 }  // namespace tokid

@@ -3,13 +3,16 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 
 #include "base/integers.hpp"
 #include "base/random.hpp"
 #include "data/check.hpp"
+#include "data/extents.hpp"
 #include "data/scales.hpp"
 #include "data/subjects.hpp"
+#include "data/unused.hpp"
 
 namespace tokid {
 
@@ -168,19 +171,13 @@ Index samples_of(const Ensemble& e, Index n) {
   return count;
 }
 
-}  // namespace
-
-Copies find_copies(const Ensemble& ensemble) {
-  check_samples(ensemble);
-  return find_copies(ensemble, scales(ensemble));
-}
-
-Copies find_copies(const Ensemble& e, const Scales& scales) {
+Copies copies_of(const Ensemble& e) {
   const Index N = e.experiments();
   Copies result;
   std::vector<Index> parent = range(0, N);
   if (N > 1 && e.steps() > 0) {
-    const Search search(e, scales);
+    const Scales sizes = scales(e);
+    const Search search(e, sizes);
     search.for_each_pair([&](Index a, Index b) {
       const Index one = root(parent, a), other = root(parent, b);
       if (one != other && search.are_copies(a, b)) parent[size_t(std::max(one, other))] = std::min(one, other);
@@ -203,6 +200,13 @@ Copies find_copies(const Ensemble& e, const Scales& scales) {
   return result;
 }
 
+}  // namespace
+
+Copies find_copies(const Ensemble& ensemble) {
+  check_samples(ensemble);
+  return copies_of(ensemble);
+}
+
 Findings findings_of(const Copies& copies, const Ensemble& e) {
   if (copies.groups.empty()) return {};
   Finding result{.kind = Finding::Kind::experiments_copied, .numbers = {{"experiments", double(e.experiments())}}};
@@ -212,6 +216,36 @@ Findings findings_of(const Copies& copies, const Ensemble& e) {
       result.groups.push_back({experiment(e, group.front())});
     }
   return {std::move(result)};
+}
+
+// If no experiment has a sample, all of them stay, so that the checks of the samples say so.
+UsedExperiments used_experiments(const Ensemble& ensemble) {
+  UsedExperiments result{copies_of(ensemble)};
+  const std::vector<Extent> all = extents(ensemble);
+  for (Index n = 0; n < ensemble.experiments(); ++n)
+    if (all[size_t(n)].begin == all[size_t(n)].end) result.empty.push_back(n);
+  if (Index(result.empty.size()) == ensemble.experiments()) result.empty.clear();
+  std::set_difference(result.copies.used.begin(), result.copies.used.end(), result.empty.begin(), result.empty.end(),
+                      std::back_inserter(result.rows));
+  return result;
+}
+
+Findings findings_of(const UsedExperiments& used, const Ensemble& ensemble) {
+  Findings result;
+  if (!used.empty.empty())
+    result.push_back({.kind = Finding::Kind::experiments_empty,
+                      .experiments = experiments(ensemble, used.empty),
+                      .numbers = {{"experiments", double(ensemble.experiments())}}});
+  append(result, findings_of(used.copies, ensemble));
+  return result;
+}
+
+std::string remark_on_unused(const Ensemble& ensemble) {
+  std::string text;
+  if (ensemble.samples().array().isInf().any()) return text;  // its message names the sample
+  for (const std::string& sentence : in_words(findings_of(used_experiments(ensemble), ensemble)))
+    text += "; " + sentence;
+  return text;
 }
 
 }  // namespace tokid

@@ -43,10 +43,4 @@ struct Scales {
 };
 Scales scales(const Ensemble& ensemble);
 
-// find_copies() and find_dependence() with the scales of the same ensemble. Both use them.
-struct Copies;
-struct Dependence;
-Copies find_copies(const Ensemble& ensemble, const Scales& scales);
-Dependence find_dependence(const Ensemble& ensemble, const Scales& scales);
-
 }  // namespace tokid

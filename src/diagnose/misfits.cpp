@@ -8,7 +8,7 @@
 #include "base/nan.hpp"
 #include "base/statistics.hpp"
 #include "data/rows.hpp"
-#include "diagnose/outliers/sketch.hpp"
+#include "tokid/linalg.hpp"
 
 namespace tokid {
 
@@ -16,6 +16,23 @@ namespace {
 
 // Number of innovations that the usual size of a step needs, and that an experiment must have.
 constexpr Index for_median = 40, fewest_innovations = 6;
+// An outlier has innovations of at least this multiple of the median over the experiments.
+constexpr double of_consequence = 3.0;
+// The threshold is a quantile of Student's t: one ensemble without outliers in a thousand exceeds it. The scatter of
+// the logarithmic sizes is computed from their median deviation. For Gaussian samples, this has the efficiency 0.37. A
+// prior scatter with four degrees of freedom is added, which matters for few experiments.
+constexpr double false_alarms = 1e-3, efficiency = 0.37, own_scatter = 0.2, own_freedom = 4.0;
+// Most inputs of a window of successive steps in which directions are searched.
+constexpr Index most_inputs = 40;
+
+// The mean without the largest quarter: a few wrong samples do not make an experiment wrong.
+double trimmed_mean(std::vector<double> sizes) {
+  const auto kept = std::ptrdiff_t(sizes.size() - sizes.size() / 4);
+  if (kept < std::ptrdiff_t(sizes.size())) std::nth_element(sizes.begin(), sizes.begin() + kept, sizes.end());
+  double sum = 0.0;
+  for (auto size = sizes.begin(); size != sizes.begin() + kept; ++size) sum += *size;
+  return kept > 0 ? sum / double(kept) : nan;
+}
 
 // (T) median of |ε_k| of output j, over these rows and over as many neighbouring steps as give enough innovations.
 Vector usual_sizes(const Innovations& innovations, Index j, const std::vector<Index>& rows) {
@@ -80,12 +97,15 @@ Vector size_thresholds(const Vector& ratio, const Vector& count, const std::vect
       deviations.push_back(std::abs(std::log(ratio(n))));
       counts.push_back(count(n));
     }
-  const LogScatter scatter = log_scatter(std::move(deviations), tests);
-  const double most = statistics::median(std::move(counts));
-  Vector result(ratio.size());
-  for (Index n = 0; n < ratio.size(); ++n)
-    result(n) = std::exp(scatter.quantile * std::sqrt(scatter.variance + variance_of_few(count(n), most)));
-  return result;
+  const double freedom = efficiency * double(Index(deviations.size()) - 1),
+               scatter = 1.4826 * statistics::median(std::move(deviations)),
+               variance =
+                   (own_freedom * own_scatter * own_scatter + freedom * scatter * scatter) / (own_freedom + freedom),
+               quantile = statistics::student_quantile(1 - false_alarms / tests, own_freedom + freedom),
+               most = statistics::median(std::move(counts));
+  // The logarithm of the mean size of n innovations has the variance 0.57 / n.
+  const Eigen::ArrayXd of_few = 0.57 * (1.0 / count.array() - 1.0 / most).max(0.0);
+  return (quantile * (variance + of_few).sqrt()).exp();
 }
 
 }  // namespace
@@ -106,6 +126,38 @@ Matrix misfit(const Sizes& sizes, const Matrix& response, const std::vector<char
     }
   }
   return result;
+}
+
+bool excites_more(const Ensemble& e, Index n, Index lags, bool centred) {
+  const Index r = e.inputs(), d = e.channels();
+  const Index steps = std::min({lags + 1, e.steps(), std::max<Index>(1, most_inputs / r)});
+  Matrix squares = Matrix::Zero(r * steps, r * steps), own(0, r * steps);
+  for (Index k = 0; k + steps <= e.steps(); k += std::max<Index>(1, steps / 2)) {
+    Matrix u(e.experiments(), r * steps);
+    for (Index i = 0; i < steps; ++i) u.middleCols(i * r, r) = e.samples().middleCols((k + i) * d, r);
+    std::vector<Index> others;
+    for (Index i = 0; i < e.experiments(); ++i)
+      if (i != n && u.row(i).allFinite()) others.push_back(i);
+    if (others.empty() || !u.row(n).allFinite()) continue;
+    Matrix x = u(others, Eigen::all);
+    if (centred) {
+      const Eigen::RowVectorXd mean = x.colwise().mean();
+      x.rowwise() -= mean;
+      u.row(n) -= mean;
+    }
+    squares += x.transpose() * x;
+    own.conservativeResize(own.rows() + 1, Eigen::NoChange);
+    own.row(own.rows() - 1) = u.row(n);
+  }
+  // Inputs are scaled by their sizes; an input may be zero in all other experiments.
+  const Vector size = (squares.diagonal() + own.colwise().squaredNorm().transpose()).cwiseSqrt();
+  const Vector unit = (size.array() > 0).select(size.cwiseInverse(), 0.0);
+  const linalg::Svd found = linalg::svd(unit.asDiagonal() * squares * unit.asDiagonal());
+  const Matrix along = own * unit.asDiagonal() * found.v;
+  constexpr double nothing = 1e-13, something = 1e-10;  // of squares
+  for (Index i = 0; i < found.s.size(); ++i)
+    if (found.s(i) <= nothing * found.s(0) && along.col(i).squaredNorm() > something * along.squaredNorm()) return true;
+  return false;
 }
 
 }  // namespace tokid

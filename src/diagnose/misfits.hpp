@@ -23,4 +23,8 @@ Sizes innovation_sizes(const Innovations& innovations, const std::vector<char>& 
 // outputs than the others may have larger innovations, because no model is exact.
 Matrix misfit(const Sizes& sizes, const Matrix& response, const std::vector<char>& out);
 
+// Does experiment n move the inputs of `lags` + 1 successive steps in a direction that no other experiment uses? If so,
+// experiment n may reach states that the other experiments do not reach. `centred`: relative to the mean of the others.
+bool excites_more(const Ensemble& ensemble, Index n, Index lags, bool centred);
+
 }  // namespace tokid

@@ -23,8 +23,7 @@ Findings findings_of(std::vector<Outlier> outliers, const std::vector<Index>& re
     result.push_back({.kind = Finding::Kind::experiment_outlying,
                       .channels = o.outputs,
                       .experiments = {{o.experiment, o.name}},
-                      .numbers = {{"ratio", o.ratio}, {"weight", o.weight}, {"held_out", double(o.held_out)}},
-                      .explanation = o.explanation});
+                      .numbers = {{"ratio", o.ratio}, {"weight", o.weight}, {"held_out", double(o.held_out)}}});
   }
   if (outliers.size() > most_reported)
     result.push_back({.kind = Finding::Kind::more_outlying_experiments,

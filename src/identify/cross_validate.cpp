@@ -16,7 +16,7 @@
 #include "data/unused.hpp"
 #include "identify/identify.hpp"
 #include "model/comparison.hpp"
-#include "tokid/dependence.hpp"
+#include "tokid/copies.hpp"
 
 namespace tokid {
 
@@ -96,9 +96,9 @@ CrossValidation cross_validate(const Ensemble& ensemble, const IdentifyOptions& 
   const UsedExperiments used = used_experiments(ensemble);
   if (!used.all(ensemble)) {  // a copy or sum in another fold would make errors look too small
     CrossValidation result = with_remark_on_unused(
-        ensemble, [&] { return cross_validate(ensemble.subset(used.rows()), identify_options, options); });
+        ensemble, [&] { return cross_validate(ensemble.subset(used.rows), identify_options, options); });
     for (Fold& fold : result.folds) {
-      for (Index& n : fold.experiments) n = used.rows()[size_t(n)];
+      for (Index& n : fold.experiments) n = used.rows[size_t(n)];
       fold.experiment_names = names_of(ensemble, fold.experiments);
     }
     const Findings dropped = findings_of(used, ensemble);

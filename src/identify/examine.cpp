@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <iterator>
 #include <memory>
 #include <optional>
@@ -13,7 +14,6 @@
 #include "data/rows.hpp"
 #include "data/subjects.hpp"
 #include "diagnose/misfits.hpp"
-#include "diagnose/outliers.hpp"
 #include "tokid/smooth_arx.hpp"
 
 namespace tokid {
@@ -22,12 +22,16 @@ namespace {
 
 // Rounds of models without the experiments that were found so far.
 constexpr int most_searches = 5;
+// Fewest experiments that show which one is wrong.
+constexpr Index fewest_experiments = 5;
 // Fewest experiments of a fold that are compared with each other.
 constexpr Index fewest_in_fold = 5;
+// Innovations are rounding errors if they are below this share of the outputs.
+constexpr double rounding_level = 1e-9;
 // An experiment with a larger ratio than this, among those of its fold, is examined by further models.
 constexpr double conspicuous = 2.0;
-// With more experiments than this, one of them does not distort its own model, so that no other models are needed. With
-// more than twice as many steps as this, models of the steps in the middle show whether an experiment fits.
+// With more experiments than this, an experiment does not distort its own model, so that no other models are needed.
+// With more than twice as many steps as this, models of the steps in the middle show whether an experiment fits.
 constexpr Index most_held_out = 1000, most_examined_steps = 1024;
 // An experiment with a smaller weight is dropped.
 constexpr double least_weight = 1e-6;
@@ -80,26 +84,32 @@ std::vector<Index> suspects(const Ensemble& used, const Plan& plan, const Execut
   return largest_of(rows_above(ratio, conspicuous), ratio, std::max<Index>(1, N / 5));
 }
 
-// Examines all experiments by models without the suspected ones.
-std::optional<Misfits> misfits_without(const Ensemble& used, const Plan& plan, const std::vector<Index>& suspected,
-                                       const Execution& execution) {
-  const std::vector<char> out = marks_of(used.experiments(), suspected);
-  std::optional<Unseen> found = unseen(used, plan, out, execution);
-  if (!found) return std::nullopt;
-  const Sizes sizes = innovation_sizes(found->innovations, out);
-  Matrix misfits = misfit(sizes, found->response, out);
-  return Misfits{std::move(*found), std::move(misfits), sizes.ratio};
+// Innovations that are rounding errors show nothing.
+void clear_rounding(const Ensemble& used, const Innovations& innovations, Matrix& misfit) {
+  Matrix error = Matrix::Zero(misfit.rows(), misfit.cols()), size = error;
+  for (Index k = 0; k < Index(innovations.size()); ++k) {
+    const Eigen::ArrayXXd e = innovations[size_t(k)].array().abs(), y = used.output(k).array().abs();
+    error = error.array().max(e.isNaN().select(0.0, e));
+    size = size.array().max(y.isNaN().select(0.0, y));
+  }
+  misfit = (error.array() > rounding_level * size.array()).select(misfit, 0.0);
 }
 
-// Examines all experiments by models without those that are suspected, until the same experiments are found again.
-std::optional<Misfits> misfits_of(const Ensemble& used, const Plan& plan, std::vector<Index> suspected,
-                                  const Execution& execution) {
+// Innovations of all experiments, if models were identified without those with 1 in `out` (N).
+using Innovate = std::function<std::optional<Unseen>(const std::vector<char>& out)>;
+
+// Examines all experiments without those that are suspected, until the same experiments are found again.
+std::optional<Misfits> misfits_of(const Ensemble& used, std::vector<Index> suspected, const Innovate& innovate) {
   const Index N = used.experiments();
   std::optional<Misfits> result;
   for (int round = 0; round < most_searches; ++round) {
-    std::optional<Misfits> now = misfits_without(used, plan, suspected, execution);
+    const std::vector<char> out = marks_of(N, suspected);
+    std::optional<Unseen> now = innovate(out);
     if (!now) return result;
-    result = std::move(now);
+    Sizes sizes = innovation_sizes(now->innovations, out);
+    Matrix misfits = misfit(sizes, now->response, out);
+    clear_rounding(used, now->innovations, misfits);
+    result = {std::move(*now), std::move(misfits), std::move(sizes.ratio)};
     std::vector<Index> found =
         largest_of(result->rows(), largest_of_rows(result->ratio), std::max<Index>(1, most_treated(N)));
     if (found.empty() || marks_of(N, found) == marks_of(N, suspected)) break;
@@ -111,15 +121,15 @@ std::optional<Misfits> misfits_of(const Ensemble& used, const Plan& plan, std::v
 // Clears experiments that do not fit only because all experiments of their kind were suspected. Half of the suspects
 // are predicted by models that were identified with the other half. If these models predict them as well as the models
 // without suspects predict the other experiments, nothing is wrong with them.
-void clear(const Ensemble& used, const Plan& plan, const Execution& execution, Misfits& found) {
-  const Index N = used.experiments();
+void clear(const Innovate& innovate, Misfits& found) {
+  const Index N = found.misfit.rows();
   const std::vector<Index> rows = found.rows();
   if (rows.size() < 2) return;
   Innovations innovations = found.unseen.innovations;
   for (const size_t half : {0u, 1u}) {
     std::vector<Index> left_out;
     for (size_t i = half; i < rows.size(); i += 2) left_out.push_back(rows[i]);
-    const std::optional<Unseen> now = unseen(used, plan, marks_of(N, left_out), execution);
+    const std::optional<Unseen> now = innovate(marks_of(N, left_out));
     if (!now) return;
     for (size_t k = 0; k < innovations.size(); ++k)
       for (const Index n : left_out) innovations[k].row(n) = now->innovations[k].row(n);
@@ -143,30 +153,18 @@ std::vector<FindingChannel> wrong_outputs(const Misfits& found, Index n, const C
   return result;
 }
 
-// Adds the experiments that do not fit, and the outputs where they do not.
-void add(const Misfits& found, const Ensemble& used, const OutlierOptions& options, Examined& result) {
-  std::vector<Outlier>& outliers = result.outliers;
-  const auto find = [&](Index n) {
-    return std::find_if(outliers.begin(), outliers.end(), [n](const Outlier& o) { return o.experiment == n; });
-  };
-  std::vector<Index> rows = found.rows();
-  if (Index(rows.size()) > most_found(used.experiments())) {
-    std::erase_if(rows, [&](Index n) { return find(n) != outliers.end(); });
-    result.unnamed = std::move(rows);
-    return;
-  }
+// The experiments that do not fit, and the outputs where they do not.
+Examined named(const Misfits& found, const Ensemble& used) {
+  const std::vector<Index> rows = found.rows();
+  if (Index(rows.size()) > most_found(used.experiments())) return {{}, rows};
   const Vector ratio = largest_of_rows(found.ratio);
-  std::vector<Outlier> more;
-  for (const Index n : rows) {
-    const auto known = find(n);
-    Outlier& outlier =
-        known != outliers.end()
-            ? *known
-            : more.emplace_back(Outlier{.experiment = n, .ratio = ratio(n), .name = used.experiment_name(n)});
-    outlier.outputs = wrong_outputs(found, n, used.names);
-  }
-  explain(more, used, options, rows);
-  std::move(more.begin(), more.end(), std::back_inserter(outliers));
+  Examined result;
+  for (const Index n : rows)
+    result.outliers.push_back({.experiment = n,
+                               .ratio = ratio(n),
+                               .name = used.experiment_name(n),
+                               .outputs = wrong_outputs(found, n, used.names)});
+  return result;
 }
 
 // The steps by which experiments are examined, from a step on that begins a period.
@@ -187,29 +185,23 @@ Stretch middle_of(const Ensemble& used, const Plan& plan) {
 }  // namespace
 
 Examined examined(const Ensemble& used, const Model& model, const Plan& plan, const Execution& execution) {
-  const Execution quiet{execution.threads, {}};
-  const OutlierOptions options{.lags = plan.lags,
-                               .nominal = plan.nominal,
-                               .zero_start = plan.initial_state == InitialState::zero,
-                               .threads = execution.threads,
-                               .period = plan.choices.variation.period,
-                               .model = &model};
-  if (!plan.noisy) return {outliers_without_noise(used, options)};
-  Examined result{outliers(used, options)};
-  if (used.experiments() < fewest_experiments(options) || used.experiments() > most_held_out) return result;
-  const Stretch middle = middle_of(used, plan);
-  std::vector<Index> suspected = suspects(*middle.samples, middle.plan, share(execution, 0.0, 0.7));
-  for (const Outlier& o : result.outliers)
-    if (std::find(suspected.begin(), suspected.end(), o.experiment) == suspected.end())
-      suspected.push_back(o.experiment);
-  if (suspected.empty()) return result;
-  if (auto found = misfits_of(*middle.samples, middle.plan, std::move(suspected), quiet)) {
-    clear(*middle.samples, middle.plan, quiet, *found);
-    add(*found, used, options, result);
-  }
-  std::stable_sort(result.outliers.begin(), result.outliers.end(),
-                   [](const Outlier& a, const Outlier& b) { return a.ratio > b.ratio; });
-  return result;
+  if (used.experiments() < fewest_experiments) return {};
+  const bool many = used.experiments() > most_held_out;
+  const Stretch middle = many ? Stretch{{std::shared_ptr<const Ensemble>(), &used}, plan} : middle_of(used, plan);
+  const Ensemble& data = *middle.samples;
+  Innovate innovate = [&](const std::vector<char>& out) {
+    return unseen(data, middle.plan, out, {execution.threads, {}});
+  };
+  if (many) innovate = [all = seen(used, model, plan)](const std::vector<char>&) { return all; };
+  const std::vector<Index> suspected =
+      many ? std::vector<Index>() : suspects(data, middle.plan, share(execution, 0.0, 0.7));
+  if (suspected.empty() && !many) return {};
+  std::optional<Misfits> found = misfits_of(data, suspected, innovate);
+  if (!found) return {};
+  for (const Index n : found->rows())
+    if (excites_more(data, n, plan.lags, plan.nominal)) found->misfit.row(n).setZero();
+  if (!many) clear(innovate, *found);
+  return named(*found, used);
 }
 
 bool Treatment::knows(const Ensemble& measured, Index experiment) const {

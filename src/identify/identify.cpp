@@ -546,7 +546,7 @@ Identification identify(const Ensemble& ensemble, const IdentifyOptions& asked, 
     };
   const auto of_used = [&] {
     UsedExperiments used = used_experiments(ensemble);
-    const Measured measured{ensemble, used.rows()};
+    const Measured measured{ensemble, used.rows};
     Identification result;
     if (used.all(ensemble)) {
       result = identified_with_outliers(ensemble, measured, options, on_model);
@@ -558,7 +558,7 @@ Identification identify(const Ensemble& ensemble, const IdentifyOptions& asked, 
     const Findings dropped = findings_of(used, ensemble);
     result.findings.insert(result.findings.begin(), dropped.begin(), dropped.end());
     result.copies = std::move(used.copies);
-    result.dependent = std::move(used.dependent);
+    result.used = std::move(used.rows);
     return result;
   };
   Identification result = with_remark_on_axes(ensemble, [&] { return with_remark_on_unused(ensemble, of_used); });

@@ -11,7 +11,7 @@
 #include "data/extents.hpp"
 #include "data/unused.hpp"
 #include "model/channels.hpp"
-#include "tokid/dependence.hpp"
+#include "tokid/copies.hpp"
 #include "tokid/identify.hpp"
 
 namespace tokid {
@@ -71,7 +71,7 @@ RefinedModel refine_model(const Model& model, const Ensemble& data, const Refine
   check_channels(model, data, true);  // messages then name the caller's rows, not those of a part
   RefinedModel result;
   if (const UsedExperiments used = used_experiments(data); !used.all(data)) {  // copies would count twice
-    result = with_remark_on_unused(data, [&] { return refine_model(model, data.subset(used.rows()), options); });
+    result = with_remark_on_unused(data, [&] { return refine_model(model, data.subset(used.rows), options); });
     note_data(result.refinement.model.provenance, fingerprint(data));
     const Findings dropped = findings_of(used, data);
     result.findings.insert(result.findings.begin(), dropped.begin(), dropped.end());

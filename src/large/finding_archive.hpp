@@ -25,21 +25,14 @@ template <class Archive, class T>
 requires std::is_same_v<std::remove_const_t<T>, Finding::Term>
 void fields(Archive& archive, T& t) { archive(t.channel, t.lag, t.factor); }
 
-template <class Archive, class E>
-requires std::is_same_v<std::remove_const_t<E>, Explanation>
-void fields(Archive& archive, E& e) { archive(e.kind, e.channels, e.steps, e.numbers); }
-
 template <class Archive, class F>
 requires std::is_same_v<std::remove_const_t<F>, Finding>
 void fields(Archive& archive, F& f) {
-  archive(f.kind, f.scope, f.channels, f.experiments, f.steps, f.numbers, f.terms, f.groups, f.names, f.explanation,
-          f.detail, f.file);
+  archive(f.kind, f.scope, f.channels, f.experiments, f.steps, f.numbers, f.terms, f.groups, f.names, f.detail, f.file);
 }
 
 template <class Archive, class O>
 requires std::is_same_v<std::remove_const_t<O>, Outlier>
-void fields(Archive& archive, O& o) {
-  archive(o.experiment, o.ratio, o.explanation, o.name, o.outputs, o.weight, o.held_out);
-}
+void fields(Archive& archive, O& o) { archive(o.experiment, o.ratio, o.name, o.outputs, o.weight, o.held_out); }
 
 }  // namespace tokid

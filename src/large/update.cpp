@@ -21,7 +21,7 @@
 #include "large/finding_archive.hpp"
 #include "large/plan_archive.hpp"
 #include "model/archived.hpp"
-#include "tokid/dependence.hpp"
+#include "tokid/copies.hpp"
 #include "tokid/remarks.hpp"
 #include "tokid/version.hpp"
 
@@ -79,7 +79,7 @@ UpdateState update_state(const Ensemble& data, const Identification& result, con
   // Too few experiments may reach the later steps.
   if (result.steps > 0 && result.steps < data.steps())
     return update_state(begin_of(data, result.steps), result, options);
-  const std::vector<Index>& rows = result.dependent.used;
+  const std::vector<Index>& rows = result.used;
   const bool all = rows.empty() || Index(rows.size()) == data.experiments();
   const Corrections& corrections = result.model.provenance.corrections;
   Ensemble own = all ? Ensemble() : data.subset(rows);
@@ -195,13 +195,12 @@ struct Joining {
 Joining joining(const UpdateState& state, Given given) {
   Joining result{{}, known_rows(state, given), std::move(given.fingerprint), std::move(given.findings)};
   const auto is_known = [&](Index n) { return std::binary_search(result.known.begin(), result.known.end(), n); };
-  std::erase_if(given.copies.used, is_known);
+  std::vector<Index>& used = given.copies.used;
+  std::erase_if(used, is_known);
   std::erase_if(given.copies.groups, [&](const std::vector<Index>& group) { return is_known(group.front()); });
-  UsedExperiments used{std::move(given.copies), {}};
-  used.dependent = dependence_beside(used.copies, given.data);
   append(result.findings, findings_of_known(result.known, given.data));
-  append(result.findings, findings_of(used, given.data));
-  result.data = used.all(given.data) ? std::move(given.data) : given.data.subset(used.rows());
+  append(result.findings, findings_of(given.copies, given.data));
+  result.data = Index(used.size()) == given.data.experiments() ? std::move(given.data) : given.data.subset(used);
   return result;
 }
 

@@ -15,7 +15,7 @@
 #include "model/error_sums.hpp"
 #include "model/outlying_samples.hpp"
 #include "model/step_by_step.hpp"
-#include "tokid/dependence.hpp"
+#include "tokid/copies.hpp"
 
 namespace tokid {
 
@@ -171,7 +171,7 @@ Validation validate_distinct(const Model& model, const Ensemble& data, const Val
   check_channels(model, data, true);  // messages then name the caller's rows, not those of the part
   const UsedExperiments used = used_experiments(data);
   if (used.all(data)) return validate(model, data, options);
-  const Ensemble part = data.subset(used.rows());
+  const Ensemble part = data.subset(used.rows);
   Validation result = validate_in_numbers(model, part, options);
   result.outlying = outlying_in(data, part, 0, std::move(result.outlying));
   name_outlying(result, data.names);

@@ -48,7 +48,7 @@ Tested tested(const Model& model, const Ensemble& data, const ReportOptions& opt
 }
 
 Tested tested(const Model& model, const Ensemble& data, const UsedExperiments& used, const ReportOptions& options) {
-  Tested result = tested_part(data, used.all(data) ? data : data.subset(used.rows()), used.rows(), options);
+  Tested result = tested_part(data, used.all(data) ? data : data.subset(used.rows), used.rows, options);
   result.distinct = true;
   append(result.options.findings, findings_of(used, data));
   if (options.evaluation != Evaluation::automatic) return result;
@@ -81,7 +81,7 @@ Tested tested(const Identification& result, const Ensemble& data, const Identify
   // Too few experiments may have reached the later steps. Of a single record, the later steps may be held out.
   if (identified.period == 0 && result.steps < data.steps())
     return tested(result, begin_of(data, result.steps), identified, std::move(options));
-  std::vector<Index> rows = result.dependent.used;
+  std::vector<Index> rows = result.used;
   if (rows.empty()) rows = range(0, data.experiments());  // the identification looked for no copies
   const Corrections& corrections = result.model.provenance.corrections;
   const bool all = Index(rows.size()) == data.experiments() && corrections.empty();

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include "tokid/dependence.hpp"
+#include "tokid/copies.hpp"
 #include "tokid/report.hpp"
 
 namespace tokid::report {

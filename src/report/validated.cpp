@@ -7,7 +7,7 @@
 #include "model/outlying_samples.hpp"
 #include "report/evidence.hpp"
 #include "report/origin.hpp"
-#include "tokid/dependence.hpp"
+#include "tokid/copies.hpp"
 
 namespace tokid::report {
 
@@ -20,7 +20,7 @@ Validated validated(const Model& model, const Ensemble& data, Index horizon, con
   asked.horizon = horizon;
 
   Validated result;
-  result.rows = used.rows();
+  result.rows = used.rows;
   result.seen = tested.options.evaluation == Evaluation::training;
   const auto take = [&](const Comparison& compared, const Tested& distinct) {
     result.validation = compared.validation;
@@ -37,7 +37,7 @@ Validated validated(const Model& model, const Ensemble& data, Index horizon, con
     take(compared, tested);
     if (horizon != deciding.horizon) compared.validation.horizon = horizon_fit(model, tested.data, deciding);
   } else {
-    const Tested distinct = tested_part(data, data.subset(used.rows()), used.rows(), options);
+    const Tested distinct = tested_part(data, data.subset(used.rows), used.rows, options);
     take(compare(model, distinct.data, asked), distinct);
     compared = compare(model, tested.data, deciding);
   }

@@ -76,7 +76,7 @@ Ensemble training_part(const Model& model, const Ensemble& data, const IdentifyO
                                             data.inputs(), data.outputs(), model.inputs, model.outputs));
   check_samples(data);
   const UsedExperiments used = used_experiments(data);
-  Corrected remaining = corrected(used.all(data) ? data : data.subset(used.rows()), model.provenance.corrections);
+  Corrected remaining = corrected(used.all(data) ? data : data.subset(used.rows), model.provenance.corrections);
   if (remaining.weights.minCoeff() < 1)
     throw std::invalid_argument(
         "outliers: downweight found in the options of the model, and experiments that count less than others. Bounds "

@@ -202,16 +202,6 @@ def _(folder, tokid):
     return identify(folder, u, y)
 
 
-@case("experiments that are sums of others")
-def _(folder, tokid):
-    u = gaussian()
-    y = experiments(u, 0.05)
-    for v in (u, y):
-        v[7] = v[3] + v[5]
-        v[9] = 2 * v[4]
-    return identify(folder, u, y)
-
-
 @case("repetitions of a few experiments")
 def _(folder, tokid):
     u = np.repeat(gaussian(count=4), 10, axis=0)
@@ -534,10 +524,7 @@ def test_outliers_are_numbered_as_in_the_data(tokid, tmp_path):
     for more in ([], ["--hold-out", 0.25]):
         outlier, = tokid.json(*arguments, *more)["outliers"]
         assert outlier["experiment"] == 12 and outlier["ratio"] > 10
-        cause = outlier["explanation"]
-        assert (cause["kind"], cause["steps"], cause["numbers"]) == ("swapped", [], {})
-        assert [channel["name"] for channel in cause["channels"]] == ["y1", "y2"]
-        assert cause["text"] == "It would fit with outputs y1 and y2 swapped"
+        assert {channel["name"] for channel in outlier["outputs"]} == {"y1", "y2"}
 
 
 def test_a_stuck_sensor_is_told_once(tokid, tmp_path):

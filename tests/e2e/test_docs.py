@@ -177,7 +177,6 @@ def test_files_and_functions_that_documents_name():
 
 
 @pytest.mark.parametrize("table, header, start, least", [
-    ("explanations", "finding.hpp", "enum class Kind {", 11),
     ("findings", "finding.hpp", "enum class Kind {\n    // data", 90),
     ("conclusions", "conclusion.hpp", "enum class Reason {", 20)])
 def test_kinds_that_documents_name(table, header, start, least):
@@ -191,7 +190,7 @@ def test_kinds_that_documents_name(table, header, start, least):
 def fragments(source, least):
     """(literal, words) of C++ for all words between names and numbers of a text, if there are at least so many."""
     for literal in re.findall(r'"((?:[^"\\]|\\.)*)"', source):
-        for words in re.split(r"\{[^}]*\}", literal):
+        for words in re.split(r"\{[^{}|]*\|?|[|}]", literal):  # fields, and the texts that a field chooses from
             if len(words.split()) >= least:
                 yield literal, words.strip(" ,.:;()")
 

@@ -52,7 +52,6 @@ IDENTIFY = {
     "nominal": lambda v: isinstance(v, bool), "frame": one_of("raw"), "dt": real, "missing_samples": count,
     "largest_lag_order": count, "output_names": texts, "held_out_experiments": count, "version": lambda v: v,
     "outliers": lambda v: v == [], "copies": lambda v: v == [],
-    "dependent": lambda v: v == [],
 }
 
 

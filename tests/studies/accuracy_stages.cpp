@@ -16,7 +16,7 @@
 #include "oracle.hpp"
 #include "studies/accuracy_cases.hpp"
 #include "testing.hpp"
-#include "tokid/dependence.hpp"
+#include "tokid/copies.hpp"
 #include "tokid/io.hpp"
 #include "tokid/markov.hpp"
 #include "tokid/observer.hpp"

@@ -8,7 +8,6 @@
 #include <numbers>
 #include <vector>
 
-#include "diagnose/outliers.hpp"
 #include "testing.hpp"
 #include "tokid/identify.hpp"
 
