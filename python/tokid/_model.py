@@ -495,7 +495,7 @@ class Model(StateSpace):
         iterations : int, default 60
             Largest number of iterations.
         tolerance : float, default 1e-6
-            EM has converged if two successive gains of log-likelihood per output sample are below this.
+            EM has converged if an iteration without momentum gains less log-likelihood per output sample.
         initial_state : {"auto", "zero", "unknown"}, default "auto"
             States at step 0. "auto": as the data state them, else as the model was identified.
         accelerate : bool, default True

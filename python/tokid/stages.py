@@ -815,7 +815,7 @@ def refine(
     iterations : int, default 60
         Largest number of iterations.
     tolerance : float, default 1e-6
-        EM has converged if two successive gains of log-likelihood per output sample are below this.
+        EM has converged if an iteration without momentum gains less log-likelihood per output sample.
     feedthrough : bool, default True
         False: D = 0 is known.
     jumps : sequence of int

@@ -6,7 +6,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iterator>
 
 #include "base/enum_table.hpp"
 #include "base/sentence.hpp"

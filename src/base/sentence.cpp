@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <stdexcept>
 
@@ -40,6 +41,7 @@ class Filling {
       result += text.substr(i, open - i);
       if (open == text.size()) break;
       const size_t close = find_outside(text, "}", open + 1);
+      if (close == std::string_view::npos) throw std::logic_error(fmt::format("sentence: no end of a field in {}", text));
       result += field(text.substr(open + 1, close - open - 1));
       i = close + 1;
     }

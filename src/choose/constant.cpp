@@ -10,7 +10,6 @@
 #include "data/channel_sizes.hpp"
 #include "linalg/symmetric.hpp"
 #include "tokid/innovations.hpp"
-#include "tokid/observer.hpp"
 
 namespace tokid {
 
@@ -91,24 +90,18 @@ std::optional<Vector> remaining_constant(const Model& model, const Ensemble& dep
   const Index m = model.outputs, N = departures.experiments();
   const auto innovations = [&](const Ensemble& e) { return predict(model, e, {1, initial}).innovations; };
   const Innovations all = innovations(departures);
-  // The innovations are linear in the samples, apart from those that the mean of the initial states leaves. Those of
-  // constant outputs without inputs are therefore the derivatives.
-  Ensemble unit = departures;
-  unit.samples() = 0.0 * departures.samples();  // NaN where samples are missing
-  const Innovations of_zero = innovations(unit);
+  // The innovations are linear in the samples. They differ by their derivatives if 1 is added to an output.
   std::vector<Innovations> of_constant;
   for (Index j = 0; j < m; ++j) {
-    for (Index k = 0; k < unit.steps(); ++k) unit.output(k).col(j).array() += 1.0;
-    of_constant.push_back(innovations(unit));
-    for (Index k = 0; k < unit.steps(); ++k) {
-      of_constant.back()[size_t(k)] -= of_zero[size_t(k)];
-      unit.output(k).col(j).array() -= 1.0;
-    }
+    Ensemble higher = departures;
+    for (Index k = 0; k < higher.steps(); ++k) higher.output(k).col(j).array() += 1.0;
+    of_constant.push_back(innovations(higher));
+    for (size_t k = 0; k < all.size(); ++k) of_constant.back()[k] -= all[k];
   }
   Matrix information = Matrix::Zero(m, m), derivative(m, m);
   Vector score = Vector::Zero(m);
-  for (size_t k = 0; k < std::min(all.size(), size_t(model.k_end())); ++k) {
-    const auto inverse = model.at(std::max(Index(k), model.k_begin)).innovation_cov().ldlt();
+  for (size_t k = size_t(model.k_begin); k < std::min(all.size(), size_t(model.k_end())); ++k) {
+    const auto inverse = model.at(Index(k)).innovation_cov().ldlt();
     for (Index n = 0; n < N; ++n) {
       for (Index j = 0; j < m; ++j) derivative.col(j) = of_constant[size_t(j)][k].row(n).transpose();
       const Vector e = all[k].row(n).transpose();

@@ -94,7 +94,7 @@ CrossValidation cross_validate(const Ensemble& ensemble, const IdentifyOptions& 
   check_horizon(options.horizon, ensemble.steps());
   check_first_step(options.first_step, ensemble.steps());
   const UsedExperiments used = used_experiments(ensemble);
-  if (!used.all(ensemble)) {  // a copy or sum in another fold would make errors look too small
+  if (!used.all(ensemble)) {  // a copy in another fold would make errors look too small
     CrossValidation result = with_remark_on_unused(
         ensemble, [&] { return cross_validate(ensemble.subset(used.rows), identify_options, options); });
     for (Fold& fold : result.folds) {

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
-#include <iterator>
 #include <memory>
 #include <optional>
 #include <utility>
@@ -85,14 +84,16 @@ std::vector<Index> suspects(const Ensemble& used, const Plan& plan, const Execut
 }
 
 // Innovations that are rounding errors show nothing.
-void clear_rounding(const Ensemble& used, const Innovations& innovations, Matrix& misfit) {
+void clear_rounding(const Ensemble& used, const Innovations& innovations, Matrix& misfit, Matrix& ratio) {
   Matrix error = Matrix::Zero(misfit.rows(), misfit.cols()), size = error;
   for (Index k = 0; k < Index(innovations.size()); ++k) {
     const Eigen::ArrayXXd e = innovations[size_t(k)].array().abs(), y = used.output(k).array().abs();
     error = error.array().max(e.isNaN().select(0.0, e));
     size = size.array().max(y.isNaN().select(0.0, y));
   }
-  misfit = (error.array() > rounding_level * size.array()).select(misfit, 0.0);
+  const auto shows = error.array() > rounding_level * size.array();
+  misfit = shows.select(misfit, 0.0);
+  ratio = shows.select(ratio, nan);
 }
 
 // Innovations of all experiments, if models were identified without those with 1 in `out` (N).
@@ -108,7 +109,7 @@ std::optional<Misfits> misfits_of(const Ensemble& used, std::vector<Index> suspe
     if (!now) return result;
     Sizes sizes = innovation_sizes(now->innovations, out);
     Matrix misfits = misfit(sizes, now->response, out);
-    clear_rounding(used, now->innovations, misfits);
+    clear_rounding(used, now->innovations, misfits, sizes.ratio);
     result = {std::move(*now), std::move(misfits), std::move(sizes.ratio)};
     std::vector<Index> found =
         largest_of(result->rows(), largest_of_rows(result->ratio), std::max<Index>(1, most_treated(N)));
@@ -121,7 +122,7 @@ std::optional<Misfits> misfits_of(const Ensemble& used, std::vector<Index> suspe
 // Clears experiments that do not fit only because all experiments of their kind were suspected. Half of the suspects
 // are predicted by models that were identified with the other half. If these models predict them as well as the models
 // without suspects predict the other experiments, nothing is wrong with them.
-void clear(const Innovate& innovate, Misfits& found) {
+void clear(const Ensemble& used, const Innovate& innovate, Misfits& found) {
   const Index N = found.misfit.rows();
   const std::vector<Index> rows = found.rows();
   if (rows.size() < 2) return;
@@ -135,7 +136,9 @@ void clear(const Innovate& innovate, Misfits& found) {
       for (const Index n : left_out) innovations[k].row(n) = now->innovations[k].row(n);
   }
   const std::vector<char> out = marks_of(N, rows);
-  const Matrix again = misfit(innovation_sizes(innovations, out), found.unseen.response, out);
+  Sizes sizes = innovation_sizes(innovations, out);
+  Matrix again = misfit(sizes, found.unseen.response, out);
+  clear_rounding(used, innovations, again, sizes.ratio);
   for (const Index n : rows)
     if (largest_of_rows(again.row(n))(0) <= 1) found.misfit.row(n).setZero();
 }
@@ -198,9 +201,10 @@ Examined examined(const Ensemble& used, const Model& model, const Plan& plan, co
   if (suspected.empty() && !many) return {};
   std::optional<Misfits> found = misfits_of(data, suspected, innovate);
   if (!found) return {};
+  if (many) return named(*found, used);
   for (const Index n : found->rows())
     if (excites_more(data, n, plan.lags, plan.nominal)) found->misfit.row(n).setZero();
-  if (!many) clear(innovate, *found);
+  clear(data, innovate, *found);
   return named(*found, used);
 }
 

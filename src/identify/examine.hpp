@@ -2,7 +2,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <string>
 #include <vector>
 
 #include "tokid/corrections.hpp"
@@ -18,8 +17,7 @@ struct Examined {
   std::vector<Index> unnamed = {};
 };
 
-// The experiments that do not fit. They are found by regressions (outliers.hpp) and by the innovations of models that
-// did not see them (misfits.hpp).
+// The experiments that do not fit, by the innovations of models that did not see them (misfits.hpp).
 Examined examined(const Ensemble& used, const Model& model, const Plan& plan, const Execution& execution);
 
 // What was found and corrected so far. Rows are those of all measured experiments.

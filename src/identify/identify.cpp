@@ -146,7 +146,7 @@ struct ExperimentFindings {
 // All measured experiments, and what was done about outliers among them.
 struct Measured {
   const Ensemble& all;
-  std::vector<Index> rows;  // of the used experiments; the others are copies, sums of the used ones, or dropped
+  std::vector<Index> rows;  // of the used experiments; the others are copies, empty or dropped
   Treatment treatment = {};
 };
 
@@ -427,7 +427,7 @@ Identification identified(const Ensemble& used, const Vector& weights, const Mea
   if (realisation.instead) examine();
   append(findings, std::move(of_regressions));
   append(findings, std::move(realisation.findings));
-  if (nominal && options.period == 1 && !options.nominal && realisation.plan.noisy)
+  if (nominal && options.period == 1 && !options.nominal && realisation.plan.noisy && of_training.minCoeff() == 1)
     add_remaining_constant(realisation.model, realisation.plan.initial_state, prepared);
   result.plan = measured_plan(std::move(realisation.plan), prepared);
   const std::optional<WithoutHeldInputs> late = without_held_inputs(used, realisation.model, result.plan, prepared);

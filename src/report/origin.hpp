@@ -15,7 +15,7 @@ struct Tested {
   // For each tested experiment: its row in the given data, and its name (empty without a name).
   std::vector<Index> rows;
   std::vector<std::string> names;
-  bool distinct = false;  // true: all experiments of the given data but copies and dependent ones, with all samples
+  bool distinct = false;  // true: all experiments of the given data but copies and empty ones, with all samples
 
   // Outlying samples of the tested data, with the rows and names of the given data.
   std::vector<OutlyingSamples> in_given_data(std::vector<OutlyingSamples> outlying) const;

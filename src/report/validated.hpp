@@ -11,7 +11,7 @@ namespace tokid::report {
 
 struct Validated {
   Validation validation;    // that of validate_distinct()
-  ExperimentFits fits;      // of the experiments without copies and dependent ones
+  ExperimentFits fits;      // of the experiments without copies and empty ones
   std::vector<Index> rows;  // the rows of these experiments in the given data
   Verdict verdict;          // that of verdict()
   bool seen = false;        // true: the given data are those of the identification

@@ -64,7 +64,8 @@ void check_compressed(std::istream& file, std::uint64_t packed_bytes) {
   inflateEnd(&stream);
   if (stream.total_out > most) fail("more than the {} bytes of memory of this machine", most);
   if (status == Z_DATA_ERROR) fail("compressed data that do not match their checksum");
-  if (status != Z_STREAM_END || !whole) fail("compressed data that end too early");
+  if (status != Z_STREAM_END) fail("compressed data that end too early");
+  if (!whole) fail("compressed data that end before their variable");
 }
 
 }  // namespace
