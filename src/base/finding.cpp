@@ -125,8 +125,7 @@ std::string made_of(const Finding& f) {
   for (size_t i = 0; i < f.experiments.size();) {
     std::vector<Experiment> alike{f.experiments[i]};
     size_t j = i + 1;
-    while (j < f.experiments.size() && f.groups[j] == f.groups[i])
-      alike.push_back(f.experiments[j++]);
+    while (j < f.experiments.size() && f.groups[j] == f.groups[i]) alike.push_back(f.experiments[j++]);
     if (parts.size() < most_groups)
       parts.push_back(fmt::format("{} of {}", experiments(alike, most_groups), experiments(f.groups[i], most_groups)));
     else
@@ -151,10 +150,10 @@ std::string ended(const Finding& f) {
 std::string misfit_details(const Finding& f) {
   const double weight = f.numbers.at("weight");
   return filled(f.channels.empty() ? "" : ". The largest residuals are in output {@channel}", f) +
-         filled(weight == 0          ? ". The experiment was dropped"
-                : weight < 1         ? ". The experiment counts with the weight {weight~2} instead of 1"
+         filled(weight == 0         ? ". The experiment was dropped"
+                : weight < 1        ? ". The experiment counts with the weight {weight~2} instead of 1"
                 : is(f, "held_out") ? ". The experiment is held out from the identification, and the fit on held-out data includes its errors"
-                                     : "",
+                                    : "",
                 f);
 }
 

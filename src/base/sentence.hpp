@@ -17,7 +17,7 @@ namespace tokid {
 //   {share%} {dt:.6g}     in per cent; in a format of fmt
 //   {ratio*}              as a factor with two digits
 //   {needed experiment}   with a noun: "1 experiment", "12 experiments"
-//   {#steps}              the number of entries of a list
+//   {#steps}              the number of entries of a list, or 1 if a condition of this name holds
 //   {@steps}              a part of the sentence
 //   {count|is|{count} are}, {#steps|is|are}   the first text if the number is 1, otherwise the second one
 //   {?lags|with|without}  the first text if the number exists, otherwise the second one

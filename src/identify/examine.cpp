@@ -32,6 +32,8 @@ constexpr double conspicuous = 2.0;
 // With more experiments than this, an experiment does not distort its own model, so that no other models are needed.
 // With more than twice as many steps as this, models of the steps in the middle show whether an experiment fits.
 constexpr Index most_held_out = 1000, most_examined_steps = 1024;
+// Most outliers with a finding of their own.
+constexpr size_t most_reported = 5;
 // An experiment with a smaller weight is dropped.
 constexpr double least_weight = 1e-6;
 // A downweighted sample is moved to this many standard deviations from its prediction (Huber).
@@ -189,19 +191,19 @@ Stretch middle_of(const Ensemble& used, const Plan& plan) {
 
 Examined examined(const Ensemble& used, const Model& model, const Plan& plan, const Execution& execution) {
   if (used.experiments() < fewest_experiments) return {};
-  const bool many = used.experiments() > most_held_out;
-  const Stretch middle = many ? Stretch{{std::shared_ptr<const Ensemble>(), &used}, plan} : middle_of(used, plan);
+  if (used.experiments() > most_held_out) {
+    const Unseen all = seen(used, model, plan);
+    return named(*misfits_of(used, {}, [&](const std::vector<char>&) { return all; }), used);
+  }
+  const Stretch middle = middle_of(used, plan);
   const Ensemble& data = *middle.samples;
-  Innovate innovate = [&](const std::vector<char>& out) {
+  const Innovate innovate = [&](const std::vector<char>& out) {
     return unseen(data, middle.plan, out, {execution.threads, {}});
   };
-  if (many) innovate = [all = seen(used, model, plan)](const std::vector<char>&) { return all; };
-  const std::vector<Index> suspected =
-      many ? std::vector<Index>() : suspects(data, middle.plan, share(execution, 0.0, 0.7));
-  if (suspected.empty() && !many) return {};
+  const std::vector<Index> suspected = suspects(data, middle.plan, share(execution, 0.0, 0.7));
+  if (suspected.empty()) return {};
   std::optional<Misfits> found = misfits_of(data, suspected, innovate);
   if (!found) return {};
-  if (many) return named(*found, used);
   for (const Index n : found->rows())
     if (excites_more(data, n, plan.lags, plan.nominal)) found->misfit.row(n).setZero();
   clear(data, innovate, *found);
@@ -285,6 +287,26 @@ bool treat_samples(const Ensemble& measured, const Found& all, OutlierChoice cho
 bool treat(const Ensemble& measured, const Found& found, OutlierChoice choice, Treatment& treatment) {
   const bool experiments = treat_experiments(measured, found.outliers, choice, treatment);
   return treat_samples(measured, found, choice, treatment) || experiments;
+}
+
+Findings findings_of(std::vector<Outlier> outliers, const std::vector<Index>& reported) {
+  std::erase_if(outliers, [&](const Outlier& o) {
+    return o.weight == 1 && std::count(reported.begin(), reported.end(), o.experiment) > 0;
+  });
+  // Those that are still used come first.
+  std::stable_partition(outliers.begin(), outliers.end(), [](const Outlier& o) { return o.weight == 1; });
+  Findings result;
+  for (size_t i = 0; i < std::min(most_reported, outliers.size()); ++i) {
+    const Outlier& o = outliers[i];
+    result.push_back({.kind = Finding::Kind::experiment_outlying,
+                      .channels = o.outputs,
+                      .experiments = {{o.experiment, o.name}},
+                      .numbers = {{"ratio", o.ratio}, {"weight", o.weight}, {"held_out", double(o.held_out)}}});
+  }
+  if (outliers.size() > most_reported)
+    result.push_back({.kind = Finding::Kind::more_outlying_experiments,
+                      .numbers = {{"count", double(outliers.size() - most_reported)}}});
+  return result;
 }
 
 Findings findings_of_untreated(const std::vector<Outlier>& outliers, Index experiments) {

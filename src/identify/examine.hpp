@@ -41,6 +41,8 @@ struct Found {
 // `choice`: drop or downweight.
 bool treat(const Ensemble& measured, const Found& found, OutlierChoice choice, Treatment& treatment);
 
+// `reported`: experiments that are already reported; they are left out, unless they were dropped or downweighted.
+Findings findings_of(std::vector<Outlier> outliers, const std::vector<Index>& reported = {});
 // The finding about experiments that `treat` does not correct because they are too many. Empty if there are none.
 Findings findings_of_untreated(const std::vector<Outlier>& outliers, Index experiments);
 

@@ -22,7 +22,6 @@
 #include "data/unused.hpp"
 #include "diagnose/excitation.hpp"
 #include "diagnose/model_states.hpp"
-#include "diagnose/outliers.hpp"
 #include "diagnose/recording.hpp"
 #include "diagnose/regressions.hpp"
 #include "diagnose/repeats.hpp"
