@@ -187,15 +187,16 @@ class Folds::RefinementSearch {
     if (excluded)
       attempts_.clear();
     else if (!suffices_for(more))
-      finish();
+      finish(&more);
   }
 
-  // Gives EM up if it is lost. Otherwise drops needless jumps, and lets the attempts go on.
-  void finish() {
+  // Gives EM up if it is lost. Otherwise drops needless jumps, and lets the attempts go on. `more`: the search with more
+  // states that these are to suffice for.
+  void finish(const RefinementSearch* more = nullptr) {
     if (lost()) attempts_.clear();
     if (attempts_.empty() || folds_.pooled() || raced_) return;
     drop_needless_jumps();
-    race();
+    race(more);
     raced_ = true;
   }
 
@@ -283,10 +284,15 @@ class Folds::RefinementSearch {
   // decide.
   const Attempt* chosen() const {
     if (folds_.pooled()) return least_error();
-    const Attempt *const most = likeliest(attempts_), *best = most;
+    const Attempt* best = likeliest(attempts_);
     for (const Attempt& a : attempts_)
-      if (a.error() < best->error() && most->likelihood.advantage(a.likelihood) < significant) best = &a;
+      if (a.error() < best->error() && likely(a)) best = &a;
     return best;
+  }
+
+  // Is its likelihood not significantly below the largest?
+  bool likely(const Attempt& now) const {
+    return likeliest(attempts_)->likelihood.advantage(now.likelihood) < significant;
   }
 
   bool hopeless_beside_others(const Attempt& now) const {
@@ -410,10 +416,10 @@ class Folds::RefinementSearch {
     return now;
   }
 
-  // The attempts go on until EM converges, until neither the likelihood nor the errors improve, or until
-  // `most_iterations`. Before each stage, those are left out that are significantly less likely than another
-  // one that goes on.
-  void race() {
+  // The attempts go on until EM converges, until neither the likelihood nor the errors of a likely attempt improve, or
+  // until `most_iterations`. Before each stage, those are left out that are significantly less likely than another one
+  // that goes on. `more`: attempts with fewer states are likely only if they are beside those with more.
+  void race(const RefinementSearch* more) {
     std::vector<Attempt> racing;
     for (const Attempt& a : attempts_)
       if (a.iterations == stages().first_end() && !a.converged) racing.push_back(a);
@@ -424,7 +430,8 @@ class Folds::RefinementSearch {
         if (most.advantage(a.likelihood) > significant) continue;
         Attempt next = refined(a, stages().after(a.iterations));
         keep(next);
-        const bool better = next.likelihood.sum() > a.likelihood.sum() || next.error() < a.error();
+        const bool better = next.likelihood.sum() > a.likelihood.sum() ||
+                            (next.error() < a.error() && likely(next) && (!more || more->likely(next)));
         if (better && !next.converged && next.iterations < most_iterations) improved.push_back(std::move(next));
       }
       racing = std::move(improved);
