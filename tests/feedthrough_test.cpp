@@ -6,7 +6,6 @@
 #include <filesystem>
 
 #include "io/formats/provenance_text.hpp"
-#include "oracle.hpp"
 #include "testing.hpp"
 #include "tokid/em.hpp"
 #include "tokid/ensemble_file.hpp"

@@ -1,4 +1,4 @@
-// Kalman filters as textbooks have them, by the 50 digits of oracle.hpp, and rounded once at the end. Without its
+// Kalman filters as textbooks have them, by the 50 digits of studies/oracle.hpp, and rounded once at the end. Without its
 // types, which take a compiler long.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once

@@ -61,12 +61,12 @@ def test_the_front_page_says_for_whom_tokid_is_and_how_to_install_it(module):
 def test_equations_and_links_of_a_document(module, tmp_path):
     build = module("build")
     pages = build.Documents(build.Source(tmp_path))
-    text = ("See [the paper](math.md#notation), [a script](../examples/python/modes.py), [a file](../tests/oracle.cpp).\n"
+    text = ("See [the paper](math.md#notation), [a script](../examples/python/modes.py), [a file](../tests/studies/oracle.cpp).\n"
             "```math\nx_k\n```\n```python\nf([a](b))\n```\n")
     assert pages.converted(text, ROOT / "docs" / "page.md", "page.md") == (
-        "See [the paper](math.md#notation), [a script](gallery/modes.ipynb), [a file](files/tests/oracle.cpp.md).\n"
+        "See [the paper](math.md#notation), [a script](gallery/modes.ipynb), [a file](files/tests/studies/oracle.cpp.md).\n"
         "$$\nx_k\n$$\n```python\nf([a](b))\n```\n")
-    assert pages.shown == {ROOT / "tests" / "oracle.cpp"}
+    assert pages.shown == {ROOT / "tests" / "studies" / "oracle.cpp"}
     with pytest.raises(SystemExit, match=r"docs/page\.md: the link nowhere\.md leads nowhere"):
         pages.converted("[a](nowhere.md)", ROOT / "docs" / "page.md", "page.md")
 
