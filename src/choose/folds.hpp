@@ -50,7 +50,7 @@ Model refined(Model model, const Ensemble& data, Index from, Index to, const Ref
 // The number of steps that EM uses: all, unless the steps share their matrices and a part has enough samples for these.
 Index refined_steps(const Ensemble& data, Index period);
 // The iterations at the end of the next stage.
-Index next_stage_end(Index iterations, const RefineOptions& options);
+Index next_stage_end(Index iterations);
 // Was EM best after so few iterations that more are not tried?
 bool stopped_early(Index iterations, const RefineOptions& options);
 

@@ -148,7 +148,7 @@ Refined refined_by(const Plan& plan, const Ensemble& data, const Model& begun, c
   if (plan.choices.variation.period > 0) return best;
   const double limit = expected + std::log(stopped_early(planned, options) ? tolerated : as_expected);
   while (now.errors.one_step > limit && now.iterations < most_iterations) {
-    now = after(now.model, now.iterations, next_stage_end(now.iterations, options));
+    now = after(now.model, now.iterations, next_stage_end(now.iterations));
     if (now.errors.one_step < best.errors.one_step && now.errors.mean() < best.errors.mean()) best = now;
   }
   return now.errors.one_step > limit ? best : now;

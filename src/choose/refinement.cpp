@@ -32,40 +32,22 @@ constexpr double hopeless = 2.0;
 // The search comes to a λ on several ways, with different rounding errors.
 bool same_smoothing(double a, double b) { return std::abs(a - b) <= 1e-6 * std::max(a, b); }
 
-// EM runs in stages. Each has a number of iterations, and ends with an evaluation.
+// EM runs in stages, which double its iterations. Each ends with an evaluation.
 struct Stage {
   Index iterations = 0;
   bool warm_up = false;
 };
-// Each attempt has the first stages. If steps do not share their matrices, the best attempts then go on in stages that
-// double their iterations. If steps share their matrices, EM needs many iterations, but an iteration takes less time.
-// With a jump, a large λ shows only after more iterations that it is the best.
-class Stages {
- public:
-  explicit Stages(const RefineOptions& o) {
-    if (o.period.value_or(0) > 0)
-      first_ = {{10, true}, {30, true}, {100, true}};
-    else
-      first_ = {{3, true}, {5, true}, {40, true}};
-    if (!o.jumps.empty()) first_.push_back({48});
-  }
+constexpr Index first_iterations = 3, warmed_up = 48;
 
-  Index first_end() const {
-    return std::accumulate(first_.begin(), first_.end(), Index(0),
-                           [](Index sum, const Stage& stage) { return sum + stage.iterations; });
-  }
+// The stage that follows so many iterations.
+Stage stage_after(Index done) { return {std::max(first_iterations, done), done < warmed_up}; }
 
-  // The stage that follows so many iterations.
-  Stage after(Index done) const {
-    Index end = 0;
-    for (const Stage& stage : first_)
-      if (end += stage.iterations; done < end) return {end - done, stage.warm_up};
-    return {done};
-  }
-
- private:
-  std::vector<Stage> first_;
-};
+// All attempts have the stages up to here. If steps do not share their matrices, the best attempts then go on. If steps
+// share their matrices, EM needs many iterations, but an iteration takes less time. With a jump, a large λ shows only
+// after more iterations that it is the best.
+Index first_end(const RefineOptions& o) {
+  return o.period.value_or(0) > 0 ? 4 * warmed_up : o.jumps.empty() ? warmed_up : 2 * warmed_up;
+}
 
 Refinement refined_in(const Stage& stage, const Model& start, const Ensemble& data, std::optional<em::Data>& samples,
                       RefineOptions o) {
@@ -190,8 +172,8 @@ class Folds::RefinementSearch {
       finish(&more);
   }
 
-  // Gives EM up if it is lost. Otherwise drops needless jumps, and lets the attempts go on. `more`: the search with more
-  // states that these are to suffice for.
+  // Gives EM up if it is lost. Otherwise drops needless jumps, and lets the attempts go on. `more`: the search with
+  // more states that these are to suffice for.
   void finish(const RefinementSearch* more = nullptr) {
     if (lost()) attempts_.clear();
     if (attempts_.empty() || folds_.pooled() || raced_) return;
@@ -385,17 +367,18 @@ class Folds::RefinementSearch {
     }
   }
 
-  Stages stages() const { return Stages(options(0.0)); }
-
   // EM with this λ, from the subspace models, unless it was tried before. Returns the largest log-likelihood of the
   // held-out experiments.
   Likelihood attempt(double smoothing) {
     const auto same = [&](double other) { return same_smoothing(other, smoothing); };
     if (std::none_of(tried_.begin(), tried_.end(), same)) {
       tried_.push_back(smoothing);
+      double likelihood = -std::numeric_limits<double>::infinity(), error = -likelihood;
       in_first_stages(smoothing, [&](const Attempt& now) {
         keep(now);
-        return !jumps_.empty() || !hopeless_beside_others(now);
+        const bool better = now.likelihood.sum() > likelihood || now.error() < error;
+        likelihood = now.likelihood.sum(), error = now.error();
+        return better && !now.converged && (!jumps_.empty() || !hopeless_beside_others(now));
       });
     }
     Likelihood most;
@@ -411,8 +394,8 @@ class Folds::RefinementSearch {
     Attempt now;
     now.smoothing = smoothing;
     now.models = starts_;
-    while (now.iterations < stages().first_end())
-      if (now = refined(std::move(now), stages().after(now.iterations)); !go_on(now)) break;
+    while (now.iterations < first_end(options(0.0)))
+      if (now = refined(std::move(now), stage_after(now.iterations)); !go_on(now)) break;
     return now;
   }
 
@@ -422,13 +405,13 @@ class Folds::RefinementSearch {
   void race(const RefinementSearch* more) {
     std::vector<Attempt> racing;
     for (const Attempt& a : attempts_)
-      if (a.iterations == stages().first_end() && !a.converged) racing.push_back(a);
+      if (a.iterations == first_end(options(0.0)) && !a.converged) racing.push_back(a);
     while (!racing.empty()) {
       const Likelihood most = likeliest(racing)->likelihood;
       std::vector<Attempt> improved;
       for (const Attempt& a : racing) {
         if (most.advantage(a.likelihood) > significant) continue;
-        Attempt next = refined(a, stages().after(a.iterations));
+        Attempt next = refined(a, stage_after(a.iterations));
         keep(next);
         const bool better = next.likelihood.sum() > a.likelihood.sum() ||
                             (next.error() < a.error() && likely(next) && (!more || more->likely(next)));
@@ -573,17 +556,15 @@ Model refined(Model model, const Ensemble& data, Index from, Index to, const Ref
   }
   std::optional<em::Data> samples;
   while (from < to) {
-    const Stage stage = Stages(options).after(from);
+    const Stage stage = stage_after(from);
     model = refined_in(stage, model, data, samples, options).model;
     from += stage.iterations;
   }
   return model;
 }
 
-Index next_stage_end(Index iterations, const RefineOptions& options) {
-  return iterations + Stages(options).after(iterations).iterations;
-}
+Index next_stage_end(Index iterations) { return iterations + stage_after(iterations).iterations; }
 
-bool stopped_early(Index iterations, const RefineOptions& options) { return iterations < Stages(options).first_end(); }
+bool stopped_early(Index iterations, const RefineOptions& options) { return iterations < first_end(options); }
 
 }  // namespace tokid
