@@ -2,8 +2,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <array>
 #include <memory>
 #include <string>
+#include <tuple>
+#include <type_traits>
 #include <vector>
 
 #include "python.hpp"
@@ -39,6 +42,23 @@ ReadOnlyArray view_of(const Eigen::Map<const Vector>& vector, nb::handle owner);
 NumPyArray array_of(Matrix matrix);  // (rows × cols), in the order of Fortran
 NumPyArray array_of(Vector vector);
 NumPyArray array_of(std::vector<double> values, std::vector<size_t> shape);
+
+// An array of these sizes, in the order of C, with the numbers entry(i, j, …).
+template <class Entry, class... Sizes>
+auto array_of_entries(const Entry& entry, Sizes... sizes) {
+  using Number = std::decay_t<decltype(entry(Index(sizes)...))>;
+  const std::array<size_t, sizeof...(sizes)> shape{size_t(sizes)...};
+  const size_t count = (size_t(sizes) * ...);
+  auto held = std::make_unique<Number[]>(count);
+  std::array<Index, sizeof...(sizes)> at{};
+  for (size_t i = 0; i < count; ++i) {
+    held[i] = std::apply(entry, at);
+    for (size_t d = at.size(); d-- > 0 && ++at[d] == Index(shape[d]);) at[d] = 0;
+  }
+  Number* first = held.get();
+  const nb::capsule owner(held.release(), [](void* p) noexcept { delete[] static_cast<Number*>(p); });
+  return nb::ndarray<nb::numpy, Number, nb::ndim<sizeof...(sizes)>>(first, shape.size(), shape.data(), owner);
+}
 
 // Copies of arrays. The callers in Python have checked the shapes.
 Matrix matrix_of(const AnyArray& array);  // (rows × cols), or a vector as one column

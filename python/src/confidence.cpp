@@ -3,7 +3,6 @@
 #include <complex>
 #include <cstdint>
 #include <limits>
-#include <memory>
 #include <optional>
 
 #include "arrays.hpp"
@@ -15,89 +14,78 @@ namespace tokid::python {
 
 namespace {
 
+using Complex = std::complex<double>;
 constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
 using Part = Matrix Interval::*;
 
-// The intervals of all steps as a Python object. array(part) makes the array of one of its four parts.
-template <class Layout>
-nb::any intervals(Layout&& array) {
-  return make("Interval", {{"estimate", nb::cast(array(&Interval::estimate))},
-                           {"deviation", nb::cast(array(&Interval::deviation))},
-                           {"lower", nb::cast(array(&Interval::lower))},
-                           {"upper", nb::cast(array(&Interval::upper))}});
+// The intervals of all steps as arrays of these sizes. entry(part, i, j, …) is a number of one of their four parts.
+template <class Entry, class... Sizes>
+nb::object intervals(const Entry& entry, Sizes... sizes) {
+  const auto array = [&](Part part) {
+    return nb::cast(array_of_entries([&](auto... at) { return entry(part, at...); }, sizes...));
+  };
+  return make("Interval", {{"estimate", array(&Interval::estimate)},
+                           {"deviation", array(&Interval::deviation)},
+                           {"lower", array(&Interval::lower)},
+                           {"upper", array(&Interval::upper)}});
 }
 
 // (T, band+1, m, r)
-nb::any object_of(const MarkovBounds& b) {
-  const size_t T = b.step.size(), blocks = size_t(b.band + 1), m = size_t(b.outputs), r = size_t(b.inputs);
-  const nb::object interval = intervals([&](Part part) {
-    std::vector<double> values;
-    values.reserve(T * blocks * m * r);
-    for (const Interval& step : b.step)
-      for (size_t g = 0; g < blocks; ++g)
-        for (size_t j = 0; j < m; ++j)
-          for (size_t i = 0; i < r; ++i) values.push_back((step.*part)(Index(j), Index(g * r + i)));
-    return array_of(std::move(values), {T, blocks, m, r});
-  });
-  const RelativeError error = relative_error(b);
-  return make("MarkovBounds", {{"band", b.band},
-                               {"k_begin", b.k_begin},
-                               {"interval", interval},
-                               {"relative_error", error.expected},
-                               {"relative_error_limit", error.limit}});
+nb::object object_of(const MarkovBounds& s) {
+  const RelativeError error = relative_error(s);
+  const auto entry = [&](Part part, Index k, Index g, Index j, Index i) {
+    return (s.step[size_t(k)].*part)(j, g * s.inputs + i);
+  };
+  return make("MarkovBounds", {FIELD(band), FIELD(k_begin),
+                               Field("interval", intervals(entry, s.step.size(), s.band + 1, s.outputs, s.inputs)),
+                               Field("relative_error", error.expected), Field("relative_error_limit", error.limit)});
 }
 
 // (N, T, m); None without bounds
-nb::any object_of(const OutputBounds& b) {
-  if (b.step.empty()) return any(nb::none());
-  const size_t T = b.step.size(), N = size_t(b.step.front().estimate.rows()),
-               m = size_t(b.step.front().estimate.cols());
-  return intervals([&](Part part) {
-    std::vector<double> values(N * T * m);
-    for (size_t k = 0; k < T; ++k)
-      for (size_t j = 0; j < m; ++j)
-        for (size_t n = 0; n < N; ++n) values[(n * T + k) * m + j] = (b.step[k].*part)(Index(n), Index(j));
-    return array_of(std::move(values), {N, T, m});
-  });
+nb::object object_of(const OutputBounds& b) {
+  if (b.step.empty()) return nb::none();
+  const Matrix& first = b.step.front().estimate;
+  const auto entry = [&](Part part, Index n, Index k, Index j) { return (b.step[size_t(k)].*part)(n, j); };
+  return intervals(entry, first.rows(), b.step.size(), first.cols());
 }
 
-using Complex = std::complex<double>;
-
-template <class Number>
-nb::any table_of(std::vector<Number> values, size_t rows, size_t cols) {
-  auto held = std::make_unique<Number[]>(values.size());
-  std::copy(values.begin(), values.end(), held.get());
-  Number* first = held.get();
-  const nb::capsule owner(held.release(), [](void* p) noexcept { delete[] static_cast<Number*>(p); });
-  return any(nb::cast(nb::ndarray<nb::numpy, Number, nb::ndim<2>>(first, {rows, cols}, owner)));
+// The largest number of eigenvalues of a step.
+template <class Steps, class Size>
+Index largest(const Steps& steps, const Size& size) {
+  Index n = 0;
+  for (const auto& step : steps) n = std::max(n, size(step));
+  return n;
 }
 
 // (S, n); steps with fewer eigenvalues are padded
-nb::any object_of(const SpectrumBounds& b) {
+nb::object object_of(const SpectrumBounds& b) {
   using Step = SpectrumBounds::Step;
-  if (b.step.empty()) return any(nb::none());
-  Index n = 0;
-  for (const Step& step : b.step) n = std::max(n, step.eigenvalues.size());
-  const auto table = [&](auto none, auto&& entry) {
-    using Number = decltype(none);
-    std::vector<Number> values;
-    for (const Step& step : b.step)
-      for (Index e = 0; e < n; ++e) values.push_back(e < step.eigenvalues.size() ? Number(entry(step, e)) : none);
-    return table_of(std::move(values), b.step.size(), size_t(n));
+  if (b.step.empty()) return nb::none();
+  const size_t S = b.step.size();
+  const Index n = largest(b.step, [](const Step& step) { return step.eigenvalues.size(); });
+  const auto padded = [&](auto none, const auto& entry) {
+    return [&b, none, entry](Index s, Index e) {
+      const Step& step = b.step[size_t(s)];
+      return e < step.eigenvalues.size() ? decltype(none)(entry(step, e)) : none;
+    };
+  };
+  const auto table = [&](auto none, const auto& entry) {
+    return nb::cast(array_of_entries(padded(none, entry), S, n));
   };
   const auto bounds = [&](Interval Step::*interval) {
-    return intervals(
-        [&](Part part) { return table(nan, [&](const Step& step, Index e) { return (step.*interval.*part)(e, 0); }); });
+    const auto entry = [&](Part part, Index s, Index e) {
+      return padded(nan, [&](const Step& step, Index i) { return (step.*interval.*part)(i, 0); })(s, e);
+    };
+    return intervals(entry, S, n);
   };
-  return make(
-      "SpectrumBounds",
-      {{"begin", b.begin},
-       {"eigenvalues", table(Complex(nan, nan), [](const Step& s, Index e) { return s.eigenvalues(e); })},
-       {"real", bounds(&Step::real)},
-       {"imaginary", bounds(&Step::imaginary)},
-       {"covariance", table(nan, [](const Step& s, Index e) { return s.covariance(e); })},
-       {"simple", table(std::uint8_t{0}, [](const Step& s, Index e) { return s.simple(e); }).attr("astype")("bool")}});
+  return make("SpectrumBounds",
+              {{"begin", b.begin},
+               {"eigenvalues", table(Complex(nan, nan), [](const Step& s, Index e) { return s.eigenvalues(e); })},
+               {"real", bounds(&Step::real)},
+               {"imaginary", bounds(&Step::imaginary)},
+               {"covariance", table(nan, [](const Step& s, Index e) { return s.covariance(e); })},
+               {"simple", table(false, [](const Step& s, Index e) { return s.simple(e); })}});
 }
 
 nb::any bounds_of(const Model& model, const Ensemble& data, double level, Index replicates, std::uint64_t seed,
@@ -109,26 +97,13 @@ nb::any bounds_of(const Model& model, const Ensemble& data, double level, Index 
                             .band = band,
                             .reference_step = reference_step,
                             .execution = call.execution(threads)};
-  Confidence c = call.run([&] { return confidence(model, data, options); });
-  append(c.findings, differences(model, data));
-  const nb::object markov = object_of(c.markov), simulated = object_of(c.simulated), spectrum = object_of(c.spectrum);
-  const nb::list findings = list_of(c.findings);
-  const Index experiments = c.experiments, lags = c.lags, found = c.replicates;
-  const double freedom = c.freedom, dt = c.dt, smoothing = c.smoothing;
-  const nb::object bias = c.bias.size() > 0 ? nb::cast(array_of(c.bias)) : nb::none();
-  return make("Confidence", {{"level", level},
-                             {"dt", dt},
-                             {"experiments", experiments},
-                             {"lags", lags},
-                             {"replicates", found},
-                             {"freedom", freedom},
-                             {"smoothing", smoothing},
-                             {"bias", bias},
-                             {"markov", markov},
-                             {"simulated", simulated},
-                             {"spectrum", spectrum},
-                             {"findings", nb::object(findings)},
-                             {"_core", nb::cast(std::move(c))}});
+  Confidence s = call.run([&] { return confidence(model, data, options); });
+  append(s.findings, differences(model, data));
+  return make("Confidence",
+              {FIELD(level), FIELD(dt), FIELD(experiments), FIELD(lags), FIELD(replicates), FIELD(freedom),
+               FIELD(smoothing), Field("bias", s.bias.size() > 0 ? std::optional(s.bias) : std::nullopt),
+               Field("markov", object_of(s.markov)), Field("simulated", object_of(s.simulated)),
+               Field("spectrum", object_of(s.spectrum)), FIELD(findings), Field("_core", nb::cast(s))});
 }
 
 }  // namespace
@@ -149,12 +124,13 @@ void bind_confidence(nb::module_& module) {
       [](const Model& model, Index reference_step) {
         const Spectrum found =
             without_gil([&] { return closed_loop_spectrum(model, {.reference_step = reference_step}); });
-        Index n = 0;
-        for (const Eigen::VectorXcd& step : found.eigenvalues) n = std::max(n, step.size());
-        std::vector<Complex> values;
-        for (const Eigen::VectorXcd& step : found.eigenvalues)
-          for (Index e = 0; e < n; ++e) values.push_back(e < step.size() ? step(e) : Complex(nan, nan));
-        return std::pair(found.begin, table_of(std::move(values), found.eigenvalues.size(), size_t(n)));
+        const auto& steps = found.eigenvalues;
+        const Index n = largest(steps, [](const Eigen::VectorXcd& step) { return step.size(); });
+        const auto entry = [&](Index s, Index e) {
+          const Eigen::VectorXcd& step = steps[size_t(s)];
+          return e < step.size() ? step(e) : Complex(nan, nan);
+        };
+        return std::pair(found.begin, array_of_entries(entry, steps.size(), n));
       },
       nb::arg("model"), nb::arg("reference_step"));
 }

@@ -6,34 +6,11 @@
 
 namespace tokid::python {
 
-namespace {
-
-nb::any object_of(const Fold& f) {
-  return make("Fold", {{"experiments", f.experiments},
-                       {"experiment_names",
-                        f.experiment_names.empty() ? nb::object(nb::none()) : nb::object(texts(f.experiment_names))},
-                       {"states", f.states},
-                       {"lags", f.lags},
-                       {"simulation", python::object_of(f.simulation)},
-                       {"one_step", python::object_of(f.one_step)},
-                       {"horizon", python::object_of(f.horizon)},
-                       {"findings", list_of(f.findings)}});
-}
-
-nb::any object_of(const CrossValidation& c) {
-  nb::list folds;
-  for (const Fold& fold : c.folds) folds.append(object_of(fold));
-  return make("CrossValidation", {{"folds", nb::object(folds)},
-                                  {"simulation", python::object_of(c.simulation)},
-                                  {"one_step", python::object_of(c.one_step)},
-                                  {"horizon", python::object_of(c.horizon)},
-                                  {"simulation_spread", c.simulation_spread},
-                                  {"one_step_spread", c.one_step_spread},
-                                  {"horizon_spread", c.horizon_spread},
-                                  {"findings", list_of(remarks(c))}});
-}
-
-}  // namespace
+RESULT(Fold, "Fold", FIELD(experiments),
+       Field("experiment_names", s.experiment_names.empty() ? std::nullopt : std::optional(s.experiment_names)),
+       FIELD(states), FIELD(lags), FIELD(simulation), FIELD(one_step), FIELD(horizon), FIELD(findings))
+RESULT(CrossValidation, "CrossValidation", FIELD(folds), FIELD(simulation), FIELD(one_step), FIELD(horizon),
+       FIELD(simulation_spread), FIELD(one_step_spread), FIELD(horizon_spread), Field("findings", remarks(s)))
 
 void bind_cross_validate(nb::module_& module) {
   module.def(
@@ -43,7 +20,7 @@ void bind_cross_validate(nb::module_& module) {
         Call call(std::move(listener));
         identify.execution = call.execution(threads);
         const CrossValidateOptions options{folds, horizon, seed, first_step};
-        return object_of(call.run([&] { return cross_validate(data, identify, options); }));
+        return call.run([&] { return cross_validate(data, identify, options); });
       },
       nb::arg("data"), nb::arg("options"), nb::kw_only(), nb::arg("folds"), nb::arg("horizon"), nb::arg("seed").none(),
       nb::arg("first_step"), nb::arg("threads"), nb::arg("listener").none());

@@ -52,9 +52,8 @@ nb::tuple identified(const Ensemble& data, IdentifyOptions options, int threads,
     std::optional<Verdict> judgement = judged(found, data, options, page, page_options);
     return std::tuple(std::move(found), std::move(judgement), std::move(kept));
   });
-  nb::object evidence = object_of(result);
-  nb::object conclusion = judged_as ? nb::object(object_of(*judged_as)) : nb::object(nb::none());
-  return nb::make_tuple(std::move(result.model), evidence, conclusion, std::move(state));
+  const nb::object evidence = object_of(result);
+  return nb::make_tuple(std::move(result.model), evidence, judged_as, std::move(state));
 }
 
 // Is it one of NumPy's truth values? NumPy 1 calls their type bool_, NumPy 2 calls it bool.

@@ -334,7 +334,7 @@ void bind_model(nb::module_& module) {
                        Index rows) { return without_gil([&] { return align(model, reference, rows).model; }); })
       .def("identify_options", [](const Model& model) { return identify_options(model.provenance); });
   module.def("difference", [](const Model& model, const Model& other, Index band) {
-    return object_of(without_gil([&] { return kinematically_similar(model, other, 0.0, band); }));
+    return without_gil([&] { return kinematically_similar(model, other, 0.0, band); });
   });
 }
 

@@ -11,29 +11,13 @@ namespace {
 nb::tuple planned(const Model* model, PlanOptions options, int threads, nb::object listener) {
   Call call(std::move(listener));
   options.execution = call.execution(threads);
-  ExperimentPlan p = call.run([&] { return model ? plan(*model, options) : plan(options); });
-  const nb::dict fields;
-  const auto set = [&fields](const Field& field) { fields[field.name] = field.value; };
-  set({"lags", p.lags});
-  set({"unknowns", p.unknowns});
-  set({"minimum", p.minimum});
-  set({"recommended", p.recommended});
-  set({"reasons", p.reasons});
-  set({"kind", to_string(p.kind)});
-  set({"peak", p.peak});
-  set({"rms", p.rms});
-  set({"first_step", p.first_step});
-  set({"excess", p.excess});
-  set({"input_condition", p.input_condition});
-  set({"first_forecast", p.first_forecast});
-  set({"condition", p.condition});
-  set({"rank", p.rank});
-  set({"start_condition", p.start_condition});
-  set({"output_peak", p.output_peak});
-  set({"noise_floor", p.noise_floor});
-  set({"markov_error", p.markov_error});
-  set({"findings", list_of(p.findings)});
-  return nb::make_tuple(std::move(p.inputs), fields);
+  ExperimentPlan s = call.run([&] { return model ? plan(*model, options) : plan(options); });
+  const nb::dict fields =
+      dict_of({FIELD(lags), FIELD(unknowns), FIELD(minimum), FIELD(recommended), FIELD(reasons), FIELD(kind),
+               FIELD(peak), FIELD(rms), FIELD(first_step), FIELD(excess), FIELD(input_condition), FIELD(first_forecast),
+               FIELD(condition), FIELD(rank), FIELD(start_condition), FIELD(output_peak), FIELD(noise_floor),
+               FIELD(markov_error), FIELD(findings)});
+  return nb::make_tuple(std::move(s.inputs), fields);
 }
 
 }  // namespace

@@ -6,8 +6,10 @@
 #include <nanobind/ndarray.h>
 // All files include all casters: a missing caster causes no error when the file is compiled, but only when the function
 // is called.
+#include <nanobind/eigen/dense.h>
 #include <nanobind/stl/complex.h>
 #include <nanobind/stl/filesystem.h>
+#include <nanobind/stl/map.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/string.h>

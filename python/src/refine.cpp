@@ -1,36 +1,23 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "tokid/refine_model.hpp"
 
-#include "arrays.hpp"
 #include "call.hpp"
 #include "results.hpp"
 
 namespace tokid::python {
 
+RESULT(RefinementFigures, "RefinementFigures", FIELD(simulation), FIELD(one_step), FIELD(whiteness_p))
+
 namespace {
 
-nb::any object_of(const RefinementFigures& f) {
-  return make("RefinementFigures", {{"simulation", python::object_of(f.simulation)},
-                                    {"one_step", python::object_of(f.one_step)},
-                                    {"whiteness_p", f.whiteness_p}});
-}
-
-nb::any object_of(const RefinedModel& refined) {
-  const Refinement& r = refined.refinement;
-  return make(
-      "Refinement",
-      {{"smoothing", refined.smoothing},
-       {"reason", refined.reason},
-       {"choice", refined.choice.smoothing.empty() ? nb::none() : nb::object(python::object_of(refined.choice))},
-       {"start_log_likelihood", r.start_log_likelihood},
-       {"log_likelihood", r.log_likelihood},
-       {"penalised", r.penalised},
-       {"iterations", r.iterations},
-       {"converged", r.converged},
-       {"noise_segments", r.noise_segments},
-       {"before", object_of(refined.before)},
-       {"after", object_of(refined.after)},
-       {"findings", list_of(refined.findings)}});
+nb::object object_of(const RefinedModel& refined) {
+  const Refinement& s = refined.refinement;
+  return make("Refinement",
+              {Field("smoothing", refined.smoothing), Field("reason", refined.reason),
+               Field("choice", refined.choice.smoothing.empty() ? std::nullopt : std::optional(refined.choice)),
+               FIELD(start_log_likelihood), FIELD(log_likelihood), FIELD(penalised), FIELD(iterations),
+               FIELD(converged), FIELD(noise_segments), Field("before", refined.before), Field("after", refined.after),
+               Field("findings", refined.findings)});
 }
 
 nb::tuple refined(const Model& model, const Ensemble& data, std::optional<double> smoothing,
@@ -65,7 +52,7 @@ void bind_refine(nb::module_& module) {
       [](const Model& model, const Ensemble& data, int threads, nb::object listener) {
         Call call(std::move(listener));
         const Execution execution = call.execution(threads);
-        return array_of(call.run([&] { return log_likelihoods(model, data, execution); }));
+        return call.run([&] { return log_likelihoods(model, data, execution); });
       },
       nb::arg("model"), nb::arg("data"), nb::kw_only(), nb::arg("threads"), nb::arg("listener").none());
 }

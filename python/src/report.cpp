@@ -7,15 +7,18 @@
 
 namespace tokid::python {
 
+RESULT(PrintedNumber, "PrintedNumber", FIELD(equation), FIELD(quantity), FIELD(printed), FIELD(computed),
+       FIELD(tolerance))
+
 namespace {
 
 using Path = std::filesystem::path;
 
 // `identified`: the ensemble of the identification, for bands of the responses; null: no bands.
-nb::any reported(const Model& model, const Ensemble& data, const std::optional<Path>& path, ReportOptions options,
+Verdict reported(const Model& model, const Ensemble& data, const std::optional<Path>& path, ReportOptions options,
                  const Ensemble* identified, int threads) {
   Call call{nb::none()};
-  const Verdict verdict = call.run([&] {
+  return call.run([&] {
     if (identified) {
       ConfidenceOptions bounds;
       bounds.execution = call.execution(threads);
@@ -25,7 +28,6 @@ nb::any reported(const Model& model, const Ensemble& data, const std::optional<P
     if (path) save_text(page.html, *path);
     return page.verdict;
   });
-  return object_of(verdict);
 }
 
 // Writes the page and its data into a directory, if one is given. Returns the printed numbers and the data.
@@ -43,14 +45,7 @@ nb::tuple paper(const std::optional<Path>& directory, std::uint64_t seed, int th
     }
     return std::pair(example.printed, std::move(json));
   });
-  nb::list printed;
-  for (const PrintedNumber& n : numbers)
-    printed.append(make("PrintedNumber", {{"equation", n.equation},
-                                          {"quantity", n.quantity},
-                                          {"printed", nb::cast(n.printed)},
-                                          {"computed", nb::cast(n.computed)},
-                                          {"tolerance", n.tolerance}}));
-  return nb::make_tuple(printed, data);
+  return nb::make_tuple(numbers, data);
 }
 
 }  // namespace

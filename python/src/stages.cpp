@@ -149,12 +149,6 @@ class ArxFields {
   std::optional<Numbers> condition_;
 };
 
-nb::dict dict_of(std::initializer_list<Field> fields) {
-  nb::dict result;
-  for (const Field& f : fields) result[f.name] = f.value;
-  return result;
-}
-
 nb::dict fields_of(const GtvArx& arx) {
   const Index T = arx.steps(), m = arx.outputs, r = arx.inputs, d = r + m;
   Index lags_max = 0, rank_max = 0;
@@ -398,7 +392,7 @@ nb::tuple refined_by_em(const Model& model, const Ensemble& data, RefineOptions 
                                    {"iterations", result.iterations},
                                    {"converged", result.converged},
                                    {"noise_segments", result.noise_segments},
-                                   {"findings", list_of(result.findings)}});
+                                   {"findings", result.findings}});
   return nb::make_tuple(std::move(result.model), fields);
 }
 

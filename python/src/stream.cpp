@@ -6,6 +6,9 @@
 
 namespace tokid::python {
 
+RESULT(Streamed, "Streamed", FIELD(identification), Field("states", s.identification.model.states()), FIELD(block),
+       FIELD(blocks), FIELD(overlap), FIELD(missing))
+
 void bind_stream(nb::module_& module) {
   module.def(
       "identify_stream",
@@ -13,7 +16,7 @@ void bind_stream(nb::module_& module) {
          double memory_per_thread, int threads, nb::object listener) {
         Call call(std::move(listener));
         identify.execution = call.execution(threads);
-        const Streamed streamed = call.run([&] {
+        return call.run([&] {
           const EnsembleFile file(from);
           StreamOptions options;
           options.identify = identify;
@@ -21,12 +24,6 @@ void bind_stream(nb::module_& module) {
           options.memory_per_thread = memory_per_thread;
           return identify_stream(file, to, options);
         });
-        return make("Streamed", {{"identification", object_of(streamed.identification)},
-                                 {"states", streamed.identification.model.states()},
-                                 {"block", streamed.block},
-                                 {"blocks", streamed.blocks},
-                                 {"overlap", streamed.overlap},
-                                 {"missing", streamed.missing}});
       },
       nb::arg("data"), nb::arg("model"), nb::arg("options"), nb::kw_only(), nb::arg("block"),
       nb::arg("memory_per_thread"), nb::arg("threads"), nb::arg("listener").none());

@@ -6,25 +6,19 @@
 
 namespace tokid::python {
 
+RESULT(Additions, "Additions", FIELD(experiments), FIELD(known), FIELD(simulation), FIELD(one_step), FIELD(findings))
+
 namespace {
 
 using Path = std::filesystem::path;
-
-nb::any object_of(const Additions& a) {
-  return make("Additions", {{"experiments", a.experiments},
-                            {"known", a.known},
-                            {"simulation", python::object_of(a.simulation)},
-                            {"one_step", python::object_of(a.one_step)},
-                            {"findings", list_of(a.findings)}});
-}
 
 // (model, experiments, condition_max, rank_deficient_steps, findings)
 nb::tuple identified(const UpdateState& state, int threads, nb::object listener) {
   Call call(std::move(listener));
   const Execution execution = call.execution(threads);
   Updated now = call.run([&] { return identify(state, execution); });
-  const nb::list findings = list_of(now.findings);
-  return nb::make_tuple(std::move(now.model), now.experiments, now.condition_max, now.rank_deficient_steps, findings);
+  return nb::make_tuple(std::move(now.model), now.experiments, now.condition_max, now.rank_deficient_steps,
+                        now.findings);
 }
 
 }  // namespace
@@ -41,7 +35,7 @@ void bind_update(nb::module_& module) {
           [](UpdateState& state, const Model& before, const Ensemble& more, int threads, nb::object listener) {
             Call call(std::move(listener));
             const Execution execution = call.execution(threads);
-            return object_of(call.run([&] { return update(state, before, more, execution); }));
+            return call.run([&] { return update(state, before, more, execution); });
           },
           nb::arg("before"), nb::arg("more"), nb::kw_only(), nb::arg("threads"), nb::arg("listener").none())
       .def(
@@ -53,7 +47,7 @@ void bind_update(nb::module_& module) {
             options.read.inputs = std::move(inputs);
             options.read.outputs = std::move(outputs);
             options.execution = call.execution(threads);
-            return object_of(call.run([&] { return update(state, before, files, options); }));
+            return call.run([&] { return update(state, before, files, options); });
           },
           nb::arg("before"), nb::arg("files"), nb::kw_only(), nb::arg("inputs"), nb::arg("outputs"), nb::arg("threads"),
           nb::arg("listener").none())

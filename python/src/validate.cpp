@@ -14,7 +14,7 @@ void bind_validate(nb::module_& module) {
         const ValidateOptions options{horizon, whiteness_lags, initial_state, {}, first_step};
         Validation result = without_gil([&] { return validate_distinct(model, data, options); });
         append(result.findings, differences(model, data));
-        return object_of(result, model.names);
+        return NamedValidation(result, model.names);
       },
       nb::arg("model"), nb::arg("data"), nb::arg("horizon"), nb::arg("whiteness_lags"), nb::arg("initial_state").none(),
       nb::arg("first_step"));
@@ -24,7 +24,7 @@ void bind_validate(nb::module_& module) {
         ValidateOptions options;
         options.initial_state = initial_state;
         options.first_step = first_step;
-        return object_of(without_gil([&] { return experiment_fits(model, data, options); }));
+        return without_gil([&] { return experiment_fits(model, data, options); });
       },
       nb::arg("model"), nb::arg("data"), nb::arg("initial_state").none(), nb::arg("first_step"));
 }
