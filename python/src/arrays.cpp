@@ -26,32 +26,10 @@ void write_columns(const Number* from, Index stride, Index rows, const std::vect
   }
 }
 
-// Calls f with a typed pointer to the first number.
-template <class Function>
-void with_numbers(const AnyArray& array, Function&& f) {
-  const void* data = array.data();
-  const nb::dlpack::dtype type = array.dtype();
-  if (type == nb::dtype<double>()) return f(static_cast<const double*>(data));
-  if (type == nb::dtype<float>()) return f(static_cast<const float*>(data));
-  if (type == nb::dtype<std::int64_t>()) return f(static_cast<const std::int64_t*>(data));
-  if (type == nb::dtype<std::int32_t>()) return f(static_cast<const std::int32_t*>(data));
-  if (type == nb::dtype<std::int16_t>()) return f(static_cast<const std::int16_t*>(data));
-  if (type == nb::dtype<std::int8_t>()) return f(static_cast<const std::int8_t*>(data));
-  if (type == nb::dtype<std::uint64_t>()) return f(static_cast<const std::uint64_t*>(data));
-  if (type == nb::dtype<std::uint32_t>()) return f(static_cast<const std::uint32_t*>(data));
-  if (type == nb::dtype<std::uint16_t>()) return f(static_cast<const std::uint16_t*>(data));
-  if (type == nb::dtype<std::uint8_t>()) return f(static_cast<const std::uint8_t*>(data));
-  throw nb::type_error("array: another type found, real numbers needed");
-}
-
-template <class Values>
-NumPyArray owned(Values values, double* (*data)(Values&), std::vector<size_t> shape,
-                 std::vector<std::int64_t> strides) {
-  auto held = std::make_unique<Values>(std::move(values));
-  double* first = data(*held);
-  const nb::capsule owner(held.get(), [](void* p) noexcept { delete static_cast<Values*>(p); });
-  held.release();  // NOLINT(bugprone-unused-return-value): the capsule owns the values now
-  return {first, shape.size(), shape.data(), owner, strides.data()};
+// Calls f with a typed pointer to the first number, if the numbers have one of these types.
+template <class... Numbers, class Function>
+bool with_numbers(const AnyArray& array, const Function& f) {
+  return ((array.dtype() == nb::dtype<Numbers>() && (f(static_cast<const Numbers*>(array.data())), true)) || ...);
 }
 
 }  // namespace
@@ -68,10 +46,13 @@ void write_samples(const AnyArray& samples, Ensemble& ensemble, Index offset) {
       begin.push_back(k * samples.stride(1) + i * samples.stride(2));
       to.push_back(const_cast<double*>(target.data()) + (k * ensemble.channels() + offset + i) * target.outerStride());
     }
-  with_numbers(samples, [&](const auto* from) {
+  const auto write = [&](const auto* from) {
     const nb::gil_scoped_release release;
     write_columns(from, samples.stride(0), Index(samples.shape(0)), begin, to);
-  });
+  };
+  if (!with_numbers<double, float, std::int64_t, std::int32_t, std::int16_t, std::int8_t, std::uint64_t, std::uint32_t,
+                    std::uint16_t, std::uint8_t>(samples, write))
+    throw nb::type_error("array: another type found, real numbers needed");
 }
 
 NumPyArray samples_view(Ensemble& ensemble, Index offset, Index channels, nb::handle owner) {
@@ -102,14 +83,6 @@ NumPyArray outputs_of(const Ensemble& ensemble) {
   return array_of(std::move(values), {size_t(N), size_t(T), size_t(m)});
 }
 
-ReadOnlyArray view_of(const Matrix& matrix, nb::handle owner) {
-  return view_of(Eigen::Map<const Matrix>(matrix.data(), matrix.rows(), matrix.cols()), owner);
-}
-
-ReadOnlyArray view_of(const Vector& vector, nb::handle owner) {
-  return view_of(Eigen::Map<const Vector>(vector.data(), vector.size()), owner);
-}
-
 ReadOnlyArray view_of(const Eigen::Map<const Matrix>& matrix, nb::handle owner) {
   const std::array<size_t, 2> shape{size_t(matrix.rows()), size_t(matrix.cols())};
   const std::array<std::int64_t, 2> strides{1, matrix.rows()};
@@ -121,37 +94,11 @@ ReadOnlyArray view_of(const Eigen::Map<const Vector>& vector, nb::handle owner) 
   return {vector.data(), 1, shape.data(), owner};
 }
 
-NumPyArray array_of(Matrix matrix) {
-  const size_t rows = size_t(matrix.rows()), cols = size_t(matrix.cols());
-  return owned<Matrix>(std::move(matrix), [](Matrix& m) { return m.data(); }, {rows, cols}, {1, std::int64_t(rows)});
-}
-
-NumPyArray array_of(Vector vector) {
-  const size_t size = size_t(vector.size());
-  return owned<Vector>(std::move(vector), [](Vector& v) { return v.data(); }, {size}, {1});
-}
-
 NumPyArray array_of(std::vector<double> values, std::vector<size_t> shape) {
-  std::vector<std::int64_t> strides(shape.size(), 1);
-  for (size_t i = shape.size(); i-- > 1;) strides[i - 1] = strides[i] * std::int64_t(shape[i]);
-  return owned<std::vector<double>>(
-      std::move(values), [](std::vector<double>& v) { return v.data(); }, std::move(shape), std::move(strides));
-}
-
-Matrix matrix_of(const AnyArray& array) {
-  const Index rows = Index(array.shape(0)), cols = array.ndim() > 1 ? Index(array.shape(1)) : 1;
-  const Index down = array.stride(0), across = array.ndim() > 1 ? array.stride(1) : 0;
-  Matrix result(rows, cols);
-  with_numbers(array, [&](const auto* from) {
-    for (Index c = 0; c < cols; ++c)
-      for (Index r = 0; r < rows; ++r) result(r, c) = double(from[r * down + c * across]);
-  });
-  return result;
-}
-
-Vector vector_of(const AnyArray& array) {
-  const Matrix column = matrix_of(array);
-  return column.col(0);
+  auto held = std::make_unique<std::vector<double>>(std::move(values));
+  double* first = held->data();
+  const nb::capsule owner(held.release(), [](void* p) noexcept { delete static_cast<std::vector<double>*>(p); });
+  return {first, shape.size(), shape.data(), owner};
 }
 
 }  // namespace tokid::python

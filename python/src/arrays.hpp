@@ -33,14 +33,10 @@ FreeResponse free_response_of(const AnyArray& y);
 NumPyArray outputs_of(const Ensemble& ensemble);
 
 // A read-only view of a matrix or vector that belongs to `owner`.
-ReadOnlyArray view_of(const Matrix& matrix, nb::handle owner);
-ReadOnlyArray view_of(const Vector& vector, nb::handle owner);
 ReadOnlyArray view_of(const Eigen::Map<const Matrix>& matrix, nb::handle owner);
 ReadOnlyArray view_of(const Eigen::Map<const Vector>& vector, nb::handle owner);
 
-// Arrays that own their values.
-NumPyArray array_of(Matrix matrix);  // (rows × cols), in the order of Fortran
-NumPyArray array_of(Vector vector);
+// An array that owns its values, in the order of C.
 NumPyArray array_of(std::vector<double> values, std::vector<size_t> shape);
 
 // An array of these sizes, in the order of C, with the numbers entry(i, j, …).
@@ -59,9 +55,5 @@ auto array_of_entries(const Entry& entry, Sizes... sizes) {
   const nb::capsule owner(held.release(), [](void* p) noexcept { delete[] static_cast<Number*>(p); });
   return nb::ndarray<nb::numpy, Number, nb::ndim<sizeof...(sizes)>>(first, shape.size(), shape.data(), owner);
 }
-
-// Copies of arrays. The callers in Python have checked the shapes.
-Matrix matrix_of(const AnyArray& array);  // (rows × cols), or a vector as one column
-Vector vector_of(const AnyArray& array);
 
 }  // namespace tokid::python

@@ -8,10 +8,14 @@
 #include "arrays.hpp"
 #include "call.hpp"
 #include "data/axes.hpp"
+#include "results.hpp"
 #include "tokid/remarks.hpp"
 #include "words.hpp"
 
 namespace tokid::python {
+
+RESULT(ChannelSummary, "ChannelSummary", FIELD(samples), FIELD(missing), FIELD(mean), FIELD(std), FIELD(min),
+       FIELD(max))
 
 namespace {
 
@@ -45,20 +49,13 @@ void clear_beyond_lengths(Ensemble& e) {
     }
 }
 
-nb::tuple trajectory(const Nominal& nominal) { return nb::make_tuple(array_of(nominal.u), array_of(nominal.y)); }
-
 }  // namespace
 
 void bind_ensemble(nb::module_& module) {
-  nb::class_<ChannelSummary>(module, "ChannelSummary", "The samples of one channel, those that are missing left out.")
-      .def_ro("samples", &ChannelSummary::samples, "Number of samples within the lengths of the experiments.")
-      .def_ro("missing", &ChannelSummary::missing, "How many of them are NaN.")
-      .def_ro("mean", &ChannelSummary::mean)
-      .def_ro("std", &ChannelSummary::std, "Standard deviation, about the mean.")
-      .def_ro("min", &ChannelSummary::min)
-      .def_ro("max", &ChannelSummary::max);
-
-  nb::class_<Ensemble>(module, "Ensemble", "The ensemble of the library; tokid.Ensemble is what users see of it.")
+  nb::class_<Ensemble> ensemble(module, "Ensemble",
+                                "The ensemble of the library; tokid.Ensemble is what users see of it.");
+  def_channels(ensemble);
+  ensemble
       .def(
           "__init__",
           [](Ensemble* self, Index experiments, Index steps, Index inputs, Index outputs, double dt, bool unset) {
@@ -93,18 +90,6 @@ void bind_ensemble(nb::module_& module) {
       .def("experiment", &Ensemble::experiment)
       .def("clear_beyond_lengths", &clear_beyond_lengths)
       .def_prop_rw("initial_state", &initial_state, &set_initial_state, nb::for_setter(nb::arg().none()))
-      .def_prop_rw(
-          "input_names", [](const Ensemble& e) { return e.names.input_names; },
-          [](Ensemble& e, Names names) { e.names.input_names = std::move(names); })
-      .def_prop_rw(
-          "output_names", [](const Ensemble& e) { return e.names.output_names; },
-          [](Ensemble& e, Names names) { e.names.output_names = std::move(names); })
-      .def_prop_rw(
-          "input_units", [](const Ensemble& e) { return e.names.input_units; },
-          [](Ensemble& e, Names names) { e.names.input_units = std::move(names); })
-      .def_prop_rw(
-          "output_units", [](const Ensemble& e) { return e.names.output_units; },
-          [](Ensemble& e, Names names) { e.names.output_units = std::move(names); })
       .def_prop_rw("free_y", &free_outputs, [](Ensemble& e, const AnyArray& y) { e.free = free_response_of(y); })
       .def("write_inputs", [](Ensemble& e, const AnyArray& u) { write_samples(u, e, 0); })
       .def("write_outputs", [](Ensemble& e, const AnyArray& y) { write_samples(y, e, e.inputs()); })
@@ -138,7 +123,11 @@ void bind_ensemble(nb::module_& module) {
       .def(
           "channel_summary", [](const Ensemble& e, Index c) { return channel_summary(e, c); },
           nb::call_guard<nb::gil_scoped_release>())
-      .def("nominal", [](const Ensemble& e) { return trajectory(without_gil([&] { return nominal_trajectory(e); })); })
+      .def("nominal",
+           [](const Ensemble& e) {
+             Nominal nominal = without_gil([&] { return nominal_trajectory(e); });
+             return std::pair(std::move(nominal.u), std::move(nominal.y));
+           })
       .def(
           "departures", [](const Ensemble& e) { return departures(e, nominal_trajectory(e)); },
           nb::call_guard<nb::gil_scoped_release>());

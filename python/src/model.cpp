@@ -65,12 +65,12 @@ void need_entries(const Model& model, const std::string& name, size_t found) {
 
 std::string by(Index rows, Index cols) { return std::to_string(rows) + " x " + std::to_string(cols); }
 
-void set_matrices(Model& model, const std::string& name, const std::vector<AnyArray>& arrays) {
+void set_matrices(Model& model, const std::string& name, const std::vector<Matrix>& matrices) {
   const StepField& field = field_of(name);
-  if (field.optional && arrays.empty()) return;
-  need_entries(model, name, arrays.size());
-  for (size_t s = 0; s < arrays.size(); ++s) {
-    const Matrix a = matrix_of(arrays[s]);
+  if (field.optional && matrices.empty()) return;
+  need_entries(model, name, matrices.size());
+  for (size_t s = 0; s < matrices.size(); ++s) {
+    const Matrix& a = matrices[s];
     const Index rows = size(model.step[s], field.rows), cols = size(model.step[s], field.cols);
     if (a.rows() != rows || a.cols() != cols)
       throw std::invalid_argument("model: " + name + "[" + std::to_string(s) + "] is " + by(a.rows(), a.cols()) + ", " +
@@ -115,8 +115,7 @@ nb::tuple singular_values_joined(const Model& model) {
     values.insert(values.end(), found.begin(), found.end());
     sizes.push_back(size_t(found.size()));
   }
-  const size_t count = values.size();
-  return nb::make_tuple(array_of(std::move(values), {count}), sizes);
+  return nb::make_tuple(Vector(Vector::Map(values.data(), Index(values.size()))), sizes);
 }
 
 void set_singular_values(Model& model, const nb::ndarray<const double, nb::ndim<1>, nb::c_contig>& values,
@@ -134,26 +133,10 @@ void set_singular_values(Model& model, const nb::ndarray<const double, nb::ndim<
 
 // The Markov parameters (S, band, m, r): entry γ-1 of step s is h_{k,k-γ}, with k = k_begin + s. It is NaN if k-γ is
 // before the model.
-NumPyArray markov_parameters(const Model& model, Index band) {
+auto markov_parameters(const Model& model, Index band) {
   const std::vector<Matrix> h = without_gil([&] { return pulse_responses(model, band); });
-  const size_t S = h.size(), blocks = size_t(band), m = size_t(model.outputs), r = size_t(model.inputs);
-  std::vector<double> values;
-  values.reserve(S * blocks * m * r);
-  for (const Matrix& step : h)
-    for (size_t g = 0; g < blocks; ++g)
-      for (size_t j = 0; j < m; ++j)
-        for (size_t i = 0; i < r; ++i) values.push_back(step(Index(j), Index(g * r + i)));
-  return array_of(std::move(values), {S, blocks, m, r});
-}
-
-// Reorders (T, N, m) to (N, T, m), in the order of C.
-NumPyArray by_experiment(const std::vector<Matrix>& steps, Index N, Index m) {
-  const size_t T = steps.size();
-  std::vector<double> values(size_t(N) * T * size_t(m));
-  for (size_t k = 0; k < T; ++k)
-    for (Index j = 0; j < m; ++j)
-      for (Index n = 0; n < N; ++n) values[(size_t(n) * T + k) * size_t(m) + size_t(j)] = steps[k](n, j);
-  return array_of(std::move(values), {size_t(N), T, size_t(m)});
+  const auto entry = [&](Index s, Index g, Index j, Index i) { return h[size_t(s)](j, g * model.inputs + i); };
+  return array_of_entries(entry, h.size(), band, model.outputs, model.inputs);
 }
 
 }  // namespace
@@ -163,8 +146,9 @@ void bind_model(nb::module_& module) {
       .value("zero", InitialState::zero)
       .value("unknown", InitialState::unknown);
 
-  nb::class_<Model>(module, "Model", "The model of the library; tokid.Model is what users see of it.")
-      .def(nb::init<>())
+  nb::class_<Model> type(module, "Model", "The model of the library; tokid.Model is what users see of it.");
+  def_channels(type);
+  type.def(nb::init<>())
       .def("matrix", &matrix)
       .def("count", &count)
       .def("stack", &stack)
@@ -210,30 +194,10 @@ void bind_model(nb::module_& module) {
           [](Model& m, const std::string& by) {
             m.provenance = io::provenance_of(io::provenance_text(m.provenance), by);
           })
-      .def_prop_rw(
-          "input_names", [](const Model& m) { return m.names.input_names; },
-          [](Model& m, std::vector<std::string> names) { m.names.input_names = std::move(names); })
-      .def_prop_rw(
-          "output_names", [](const Model& m) { return m.names.output_names; },
-          [](Model& m, std::vector<std::string> names) { m.names.output_names = std::move(names); })
-      .def_prop_rw(
-          "input_units", [](const Model& m) { return m.names.input_units; },
-          [](Model& m, std::vector<std::string> names) { m.names.input_units = std::move(names); })
-      .def_prop_rw(
-          "output_units", [](const Model& m) { return m.names.output_units; },
-          [](Model& m, std::vector<std::string> names) { m.names.output_units = std::move(names); })
-      .def_prop_rw(
-          "u_nominal", [](nb::handle self) { return view_of(nb::cast<const Model&>(self).u_nominal, self); },
-          [](Model& m, const AnyArray& u) { m.u_nominal = matrix_of(u); })
-      .def_prop_rw(
-          "y_nominal", [](nb::handle self) { return view_of(nb::cast<const Model&>(self).y_nominal, self); },
-          [](Model& m, const AnyArray& y) { m.y_nominal = matrix_of(y); })
-      .def_prop_rw(
-          "x0_mean", [](nb::handle self) { return view_of(nb::cast<const Model&>(self).x0_mean, self); },
-          [](Model& m, const AnyArray& x) { m.x0_mean = vector_of(x); })
-      .def_prop_rw(
-          "x0_cov", [](nb::handle self) { return view_of(nb::cast<const Model&>(self).x0_cov, self); },
-          [](Model& m, const AnyArray& x) { m.x0_cov = matrix_of(x); })
+      .def_rw("u_nominal", &Model::u_nominal)
+      .def_rw("y_nominal", &Model::y_nominal)
+      .def_rw("x0_mean", &Model::x0_mean)
+      .def_rw("x0_cov", &Model::x0_cov)
       .def_prop_ro("steps", &Model::steps)
       .def_prop_ro("states", &Model::states)
       .def_prop_ro("full_begin", &Model::full_begin)
@@ -241,9 +205,8 @@ void bind_model(nb::module_& module) {
       .def("check", &Model::check)
       .def(
           "simulate",
-          [](const Model& model, const Ensemble& inputs, const std::optional<AnyArray>& x0) {
-            const Matrix start = x0 ? matrix_of(*x0) : Matrix();
-            return without_gil([&] { return simulate(model, inputs, start); });
+          [](const Model& model, const Ensemble& inputs, const std::optional<Matrix>& x0) {
+            return without_gil([&] { return simulate(model, inputs, x0.value_or(Matrix())); });
           },
           nb::arg("inputs"), nb::arg("x0").none())
       .def(
@@ -276,12 +239,13 @@ void bind_model(nb::module_& module) {
           "innovations",
           [](const Model& model, const Ensemble& data, std::optional<InitialState> initial_state) {
             const auto found = without_gil([&] { return model_innovations(model, data, initial_state); });
-            return by_experiment(found, data.experiments(), data.outputs());
+            const auto entry = [&](Index n, Index k, Index j) { return found[size_t(k)](n, j); };
+            return array_of_entries(entry, data.experiments(), found.size(), data.outputs());
           },
           nb::arg("data"), nb::arg("initial_state").none())
       .def("estimate_state",
            [](const Model& model, const Ensemble& data, Index k, Index window) {
-             return array_of(without_gil([&] { return Matrix(estimate_state(model, data, k, window)); }));
+             return without_gil([&] { return estimate_state(model, data, k, window); });
            })
       .def("estimation_window", &estimation_window)
       .def("differences",
@@ -291,17 +255,13 @@ void bind_model(nb::module_& module) {
              return without_gil([&] { return in_order(data, complete(model.names, model.inputs, model.outputs)); });
            })
       .def("markov", &markov_parameters)
-      .def("pulse_response",
-           [](const Model& model, Index k, Index i) { return array_of(Matrix(pulse_response(model, k, i))); })
-      .def("gain_pulse_response",
-           [](const Model& model, Index k, Index i) { return array_of(Matrix(gain_pulse_response(model, k, i))); })
-      .def("observability",
-           [](const Model& model, Index k, Index rows) { return array_of(Matrix(observability(model, k, rows))); })
+      .def("pulse_response", &pulse_response)
+      .def("gain_pulse_response", &gain_pulse_response)
+      .def("observability", &observability)
       .def("deadbeat_products",
            [](const Model& model, Index p) {
-             std::vector<double> norms = without_gil([&] { return deadbeat_products(model, p); });
-             const size_t count = norms.size();
-             return array_of(std::move(norms), {count});
+             const std::vector<double> norms = without_gil([&] { return deadbeat_products(model, p); });
+             return Vector(Vector::Map(norms.data(), Index(norms.size())));
            })
       .def("kalman_observer", [](const Model& model) { return without_gil([&] { return kalman_observer(model); }); })
       .def("deadbeat_observer",
@@ -310,20 +270,15 @@ void bind_model(nb::module_& module) {
              for (size_t s = 0; s < model.step.size(); ++s) model.step[s].G() = gain.G[s];
              return std::pair(std::move(model), gain.steps);
            })
-      .def("cut", [](const Model& model, Index begin, Index end) { return cut(model, begin, end); })
+      .def("cut", nb::overload_cast<Model, Index, Index>(&cut))
       .def("join",
            [](const Model& model, const Model& later, Index k, Index rows) {
              JoinedModel joined = without_gil([&] { return join(model, later, k, rows); });
              return std::pair(std::move(joined.model), joined.misfit);
            })
-      .def("from_step", [](const Model& model, Index k) { return from_step(model, k); })
+      .def("from_step", &from_step)
       .def("continued", &continued)
-      .def("transform",
-           [](const Model& model, const std::vector<AnyArray>& S) {
-             std::vector<Matrix> matrices;
-             for (const AnyArray& s : S) matrices.push_back(matrix_of(s));
-             return transform(model, matrices);
-           })
+      .def("transform", &transform)
       .def("smooth_frame",
            [](const Model& model, Index rows) { return without_gil([&] { return smooth_frame(model, rows); }); })
       .def("reference_frame",

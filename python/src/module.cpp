@@ -51,10 +51,7 @@ NB_MODULE(_tokid, module) {
   python::bind_report(module);
   python::bind_update(module);
   python::bind_identify(module);
-  python::bind_stream(module);
   python::bind_validate(module);
-  python::bind_cross_validate(module);
-  python::bind_refine(module);
   python::bind_confidence(module);
   python::bind_modes(module);
   python::bind_plan(module);

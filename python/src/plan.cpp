@@ -29,8 +29,9 @@ void bind_plan(nb::module_& module) {
       .value("multisine", InputKind::multisine)
       .value("orthogonal", InputKind::orthogonal)
       .value("optimised", InputKind::optimised);
-  nb::class_<PlanOptions>(module, "PlanOptions", "The options of a plan, as the library has them.")
-      .def(nb::init<>())
+  nb::class_<PlanOptions> options(module, "PlanOptions", "The options of a plan, as the library has them.");
+  def_channels(options);
+  options.def(nb::init<>())
       .def_rw("states", &PlanOptions::states)
       .def_rw("inputs", &PlanOptions::inputs)
       .def_rw("outputs", &PlanOptions::outputs)
@@ -56,12 +57,6 @@ void bind_plan(nb::module_& module) {
       .def_rw("hold", &PlanOptions::hold)
       .def_rw("iterations", &PlanOptions::iterations)
       .def_rw("dt", &PlanOptions::dt)
-      .def_prop_rw(
-          "input_names", [](const PlanOptions& o) { return o.names.input_names; },
-          [](PlanOptions& o, std::vector<std::string> names) { o.names.input_names = std::move(names); })
-      .def_prop_rw(
-          "input_units", [](const PlanOptions& o) { return o.names.input_units; },
-          [](PlanOptions& o, std::vector<std::string> units) { o.names.input_units = std::move(units); })
       .def_rw("seed", &PlanOptions::seed);
   module.def("plan", &planned, nb::arg("model").none(), nb::arg("options"), nb::arg("threads"),
              nb::arg("listener").none());

@@ -28,7 +28,7 @@ nb::object object_of(const T& value) {
   if constexpr (std::is_enum_v<T>)
     return nb::cast(to_string(value));
   else if constexpr (std::is_same_v<T, std::vector<double>>)
-    return nb::cast(Vector(Eigen::Map<const Vector>(value.data(), Index(value.size()))));
+    return nb::cast(Vector(Vector::Map(value.data(), Index(value.size()))));
   else
     return nb::cast(value, nb::rv_policy::copy);
 }

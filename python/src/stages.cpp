@@ -40,14 +40,6 @@ class Stack {
   Numbers numbers_;
 };
 
-// The inverse: matrix(k) is the top left part of a (rows × cols) matrix of zeros.
-template <class Matrices>
-NumPyArray stacked(Index steps, Index rows, Index cols, Matrices&& matrix) {
-  std::vector<double> values(size_t(steps * rows * cols), 0.0);
-  for (Index k = 0; k < steps; ++k) matrix(k, Eigen::Map<RowMajor>(values.data() + k * rows * cols, rows, cols));
-  return array_of(std::move(values), {size_t(steps), size_t(rows), size_t(cols)});
-}
-
 template <class Result>
 Result field(nb::handle value, const char* name) {
   return nb::cast<Result>(value.attr(name));
@@ -153,7 +145,7 @@ nb::dict fields_of(const GtvArx& arx) {
   const Index T = arx.steps(), m = arx.outputs, r = arx.inputs, d = r + m;
   Index lags_max = 0, rank_max = 0;
   std::vector<Index> lags, rows, freedom, rank;
-  std::vector<double> condition, rms;
+  std::vector<double> condition;
   for (const GtvArxStep& step : arx.step) {
     lags_max = std::max(lags_max, step.lags);
     rank_max = std::max(rank_max, step.rank);
@@ -163,54 +155,46 @@ nb::dict fields_of(const GtvArx& arx) {
     rank.push_back(step.rank);
     condition.push_back(step.condition);
   }
-  for (Index k = 0; k < T; ++k) rms.insert(rms.end(), arx.output_rms(k).begin(), arx.output_rms(k).end());
+  // Column j of the arrays is this column of the regression of step k, which may have fewer lags.
+  const auto own = [&](Index k, Index j) { return j - (lags_max - arx.step[size_t(k)].lags) * d; };
+  const auto coefficient = [&](Index k, Index i, Index j) {
+    return k < arx.k_begin || own(k, j) < 0 ? 0.0 : arx.coefficients(k)(i, own(k, j));
+  };
+  const auto shape = [&](Index k, Index j, Index q) {
+    const bool none = k < arx.k_begin || own(k, j) < 0 || q >= arx.step[size_t(k)].rank;
+    return none ? 0.0 : arx.noise_shape(k)(own(k, j), q);
+  };
+  const auto covariance = [&](Index k, Index i, Index j) { return arx.residual_cov(k)(i, j); };
+  const auto rms = [&](Index k, Index i) { return arx.output_rms(k)(i); };
   const Index L = lags_max * d + r;
-  const auto before = [&](Index k) { return (lags_max - arx.step[size_t(k)].lags) * d; };
-  nb::object shapes = nb::none();
-  if (arx.has_noise_shape())
-    shapes = nb::cast(stacked(T, L, rank_max, [&](Index k, auto&& x) {
-      if (k < arx.k_begin) return;
-      x.block(before(k), 0, arx.regressors(k), arx.step[size_t(k)].rank) = arx.noise_shape(k);
-    }));
-  return dict_of({{"inputs", r},
-                  {"coefficients", nb::cast(stacked(T, m, L,
-                                                    [&](Index k, auto&& all) {
-                                                      if (k < arx.k_begin) return;
-                                                      all.middleCols(before(k), arx.regressors(k)) =
-                                                          arx.coefficients(k);
-                                                    }))},
-                  {"lags", lags},
-                  {"residual_cov", nb::cast(stacked(T, m, m, [&](Index k, auto&& s) { s = arx.residual_cov(k); }))},
-                  {"output_rms", nb::cast(array_of(std::move(rms), {size_t(T), size_t(m)}))},
-                  {"noise_shape", shapes},
-                  {"feedthrough", arx.feedthrough},
-                  {"k_begin", arx.k_begin},
-                  {"rank", rank},
-                  {"condition", condition},
-                  {"rows", rows},
-                  {"freedom", freedom}});
-}
-
-// The blocks of all steps as an array (T, band, rows, cols); block γ-1 of matrix(k) is in columns (γ-1)·cols ….
-template <class Matrices>
-NumPyArray blocks(Index T, Index band, Index rows, Index cols, Matrices&& matrix) {
-  std::vector<double> values(size_t(T * band * rows * cols));
-  for (Index k = 0; k < T; ++k)
-    for (Index g = 0; g < band; ++g)
-      Eigen::Map<RowMajor>(values.data() + (k * band + g) * rows * cols, rows, cols) =
-          matrix(k).middleCols(g * cols, cols);
-  return array_of(std::move(values), {size_t(T), size_t(band), size_t(rows), size_t(cols)});
+  return dict_of(
+      {{"inputs", r},
+       {"coefficients", nb::cast(array_of_entries(coefficient, T, m, L))},
+       {"lags", lags},
+       {"residual_cov", nb::cast(array_of_entries(covariance, T, m, m))},
+       {"output_rms", nb::cast(array_of_entries(rms, T, m))},
+       {"noise_shape", arx.has_noise_shape() ? nb::cast(array_of_entries(shape, T, L, rank_max)) : nb::none()},
+       {"feedthrough", arx.feedthrough},
+       {"k_begin", arx.k_begin},
+       {"rank", rank},
+       {"condition", condition},
+       {"rows", rows},
+       {"freedom", freedom}});
 }
 
 nb::dict fields_of(const Markov& h, bool variances) {
-  const Index T = h.steps(), m = h.outputs, r = h.inputs;
-  nb::object noise = nb::none();
-  if (variances) noise = nb::cast(blocks(T, h.band, m, r, [&](Index k) { return h.system_noise(k); }));
-  return dict_of({{"system", nb::cast(blocks(T, h.band, m, r, [&](Index k) { return h.system(k); }))},
-                  {"gain", nb::cast(blocks(T, h.band, m, m, [&](Index k) { return h.gain(k); }))},
-                  {"D", nb::cast(stacked(T, m, r, [&](Index k, auto&& d) { d = h.D(k); }))},
-                  {"system_noise", noise},
-                  {"i_begin", h.i_begin}});
+  // (T, band, m, cols); block γ-1 of step k is in the columns (γ-1)·cols … of matrix(k)
+  const auto blocks = [&](Index cols, const auto& matrix) {
+    const auto entry = [&](Index k, Index g, Index i, Index j) { return matrix(k)(i, g * cols + j); };
+    return nb::cast(array_of_entries(entry, h.steps(), h.band, h.outputs, cols));
+  };
+  const auto d = [&](Index k, Index i, Index j) { return h.D(k)(i, j); };
+  return dict_of(
+      {{"system", blocks(h.inputs, [&](Index k) { return h.system(k); })},
+       {"gain", blocks(h.outputs, [&](Index k) { return h.gain(k); })},
+       {"D", nb::cast(array_of_entries(d, h.steps(), h.outputs, h.inputs))},
+       {"system_noise", variances ? blocks(h.inputs, [&](Index k) { return h.system_noise(k); }) : nb::none()},
+       {"i_begin", h.i_begin}});
 }
 
 // The arrays of the dataclass Markov. As in ArxFields, only the constructor needs the GIL.
@@ -252,37 +236,30 @@ class MarkovFields {
   std::optional<Numbers> noise_;
 };
 
-nb::dict fields_of(const HankelFactors& factors, const TveraOptions& options) {
-  nb::list u, singular_values;
+nb::dict fields_of(const HankelFactors& s, const TveraOptions& options) {
+  std::vector<Matrix> u;
+  std::vector<Vector> singular_values;
   std::vector<double> scale, error;
-  for (const HankelFactor& factor : factors.step) {
-    u.append(array_of(factor.u));
-    singular_values.append(array_of(factor.singular_values));
+  for (const HankelFactor& factor : s.step) {
+    u.push_back(factor.u);
+    singular_values.push_back(factor.singular_values);
     scale.push_back(factor.scale);
     error.push_back(factor.error);
   }
-  return dict_of({{"u", nb::object(u)},
-                  {"singular_values", nb::object(singular_values)},
-                  {"scale", scale},
-                  {"error", error},
-                  {"rows", factors.rows},
-                  {"cols", factors.cols},
-                  {"k_begin", factors.k_begin},
-                  {"output_size", options.output_size},
-                  {"input_size", options.input_size}});
+  return dict_of({Field("u", u), Field("singular_values", singular_values), Field("scale", scale),
+                  Field("error", error), FIELD(rows), FIELD(cols), FIELD(k_begin),
+                  Field("output_size", options.output_size), Field("input_size", options.input_size)});
 }
 
 HankelFactors factors_of(nb::handle value) {
   HankelFactors factors{field<Index>(value, "rows"), field<Index>(value, "cols"), field<Index>(value, "k_begin"), {}};
-  const auto u = field<std::vector<AnyArray>>(value, "u");
-  const auto singular_values = field<std::vector<AnyArray>>(value, "singular_values");
-  const auto scale = field<Numbers>(value, "scale"), error = field<Numbers>(value, "error");
+  const auto u = field<std::vector<Matrix>>(value, "u");
+  const auto singular_values = field<std::vector<Vector>>(value, "singular_values");
+  const auto scale = field<Vector>(value, "scale"), error = field<Vector>(value, "error");
   for (size_t s = 0; s < u.size(); ++s)
-    factors.step.push_back({matrix_of(u[s]), vector_of(singular_values[s]), scale.data()[s], error.data()[s]});
+    factors.step.push_back({u[s], singular_values[s], scale(Index(s)), error(Index(s))});
   return factors;
 }
-
-Vector vector_or_empty(const std::optional<AnyArray>& array) { return array ? vector_of(*array) : Vector(); }
 
 // A model as the stages make it: `data` and D = 0 without feedthrough are noted.
 Model noted(Model model, const Ensemble& data, bool feedthrough) {
@@ -317,14 +294,13 @@ nb::dict regressed_together(const Ensemble& data, Index lags, double smoothing, 
 }
 
 nb::dict factorised(nb::handle parameters, Index rows, Index cols, const std::optional<AnyArray>& free_y,
-                    const std::optional<AnyArray>& output_size, const std::optional<AnyArray>& input_size,
-                    int threads) {
+                    const std::optional<Vector>& output_size, const std::optional<Vector>& input_size, int threads) {
   const MarkovFields given(parameters);
   TveraOptions options;
   options.rows = rows;
   options.cols = cols;
-  options.output_size = vector_or_empty(output_size);
-  options.input_size = vector_or_empty(input_size);
+  options.output_size = output_size.value_or(Vector());
+  options.input_size = input_size.value_or(Vector());
   options.execution.threads = threads;
   const FreeResponse free = free_y ? free_response_of(*free_y) : FreeResponse{};
   return fields_of(without_gil([&] { return hankel_factors(given.markov(), free, options); }), options);
@@ -338,8 +314,8 @@ Model realised(nb::handle parameters, nb::handle value, Index states, double noi
   options.cols = factors.cols;
   options.states = states;
   options.noise_factor = noise_factor;
-  options.output_size = vector_of(field<AnyArray>(value, "output_size"));
-  options.input_size = vector_of(field<AnyArray>(value, "input_size"));
+  options.output_size = field<Vector>(value, "output_size");
+  options.input_size = field<Vector>(value, "input_size");
   options.execution.threads = threads;
   return without_gil([&] {
     Model model = realise(given.markov(), factors, options);
@@ -360,7 +336,7 @@ Model with_regressions(const Model& model, const Ensemble& data, nb::handle valu
 
 Model subspace_model(const Ensemble& data, nb::handle value, Index states, Index future, Weighting weighting,
                      double smoothing, Index period, double state_smoothing,
-                     const std::optional<AnyArray>& output_weights, bool noisy, int threads) {
+                     const std::optional<Vector>& output_weights, bool noisy, int threads) {
   const ArxFields given(value);
   SubspaceOptions options;
   options.states = states;
@@ -368,7 +344,7 @@ Model subspace_model(const Ensemble& data, nb::handle value, Index states, Index
   options.weighting = weighting;
   options.variation = {smoothing, period};
   options.state_smoothing = state_smoothing;
-  options.output_weights = vector_or_empty(output_weights);
+  options.output_weights = output_weights.value_or(Vector());
   options.noisy = noisy;
   options.execution.threads = threads;
   return without_gil([&] {
@@ -377,33 +353,41 @@ Model subspace_model(const Ensemble& data, nb::handle value, Index states, Index
   });
 }
 
-nb::tuple refined_by_em(const Model& model, const Ensemble& data, RefineOptions options) {
+nb::tuple refined_by_em(const Model& model, const Ensemble& data, double smoothing, std::optional<Index> period,
+                        Index iterations, double tolerance, bool feedthrough, std::vector<Index> jumps,
+                        bool estimate_matrices, bool accelerate, bool warm_up, int threads) {
+  RefineOptions options;
   options.initial_state = data.initial_state;
-  Refinement result = without_gil([&] {
+  options.smoothing = smoothing;
+  options.period = period;
+  options.iterations = iterations;
+  options.tolerance = tolerance;
+  options.feedthrough = feedthrough;
+  options.jumps = std::move(jumps);
+  options.estimate_matrices = estimate_matrices;
+  options.accelerate = accelerate;
+  options.warm_up = warm_up;
+  options.execution.threads = threads;
+  Refinement s = without_gil([&] {
     Refinement found = refine(model, data, options);
     note_data(found.model.provenance, fingerprint(data));
     found.model.provenance.refinement = {options.smoothing, found.iterations};
     found.model.provenance.version = version;
     return found;
   });
-  const nb::dict fields = dict_of({{"start_log_likelihood", result.start_log_likelihood},
-                                   {"log_likelihood", result.log_likelihood},
-                                   {"penalised", result.penalised},
-                                   {"iterations", result.iterations},
-                                   {"converged", result.converged},
-                                   {"noise_segments", result.noise_segments},
-                                   {"findings", result.findings}});
-  return nb::make_tuple(std::move(result.model), fields);
+  const nb::dict fields = dict_of({FIELD(start_log_likelihood), FIELD(log_likelihood), FIELD(penalised),
+                                   FIELD(iterations), FIELD(converged), FIELD(noise_segments), FIELD(findings)});
+  return nb::make_tuple(std::move(s.model), fields);
 }
 
 void bind_regressions(nb::module_& module) {
   module.def("stage_windows", [](const Ensemble& data, Index k, Index lags) {
-    return array_of(without_gil([&] { return Windows(data).rows(k, lags); }));
+    return without_gil([&] { return Windows(data).rows(k, lags); });
   });
   module.def("stage_content_order",
              [](const Ensemble& data) { return without_gil([&] { return content_order(data); }); });
   module.def("stage_channel_sizes",
-             [](const Ensemble& data) { return array_of(without_gil([&] { return Windows(data).channel_sizes(); })); });
+             [](const Ensemble& data) { return without_gil([&] { return Windows(data).channel_sizes(); }); });
   module.def("stage_gtv_arx", &regressed_each, nb::arg("data"), nb::arg("lags"), nb::arg("feedthrough"),
              nb::arg("tolerance"), nb::arg("noise_shape"), nb::arg("spent"), nb::arg("threads"));
   module.def("stage_smooth_arx", &regressed_together, nb::arg("data"), nb::arg("lags"), nb::arg("smoothing"),
@@ -430,36 +414,12 @@ void bind_realisations(nb::module_& module) {
   module.def("stage_subspace", &subspace_model, nb::arg("data"), nb::arg("arx"), nb::arg("states"), nb::arg("future"),
              nb::arg("weighting"), nb::arg("smoothing"), nb::arg("period"), nb::arg("state_smoothing"),
              nb::arg("output_weights").none(), nb::arg("noisy"), nb::arg("threads"));
-  module.def("stage_with_nominal", [](Model model, const AnyArray& u, const AnyArray& y) {
-    model.u_nominal = matrix_of(u);
-    model.y_nominal = matrix_of(y);
+  module.def("stage_with_nominal", [](Model model, Matrix u, Matrix y) {
+    model.u_nominal = std::move(u);
+    model.y_nominal = std::move(y);
     model.check();
     return model;
   });
-}
-
-void bind_em(nb::module_& module) {
-  module.def(
-      "stage_refine",
-      [](const Model& model, const Ensemble& data, double smoothing, std::optional<Index> period, Index iterations,
-         double tolerance, bool feedthrough, std::vector<Index> jumps, bool estimate_matrices, bool accelerate,
-         bool warm_up, int threads) {
-        RefineOptions options;
-        options.smoothing = smoothing;
-        options.period = period;
-        options.iterations = iterations;
-        options.tolerance = tolerance;
-        options.feedthrough = feedthrough;
-        options.jumps = std::move(jumps);
-        options.estimate_matrices = estimate_matrices;
-        options.accelerate = accelerate;
-        options.warm_up = warm_up;
-        options.execution.threads = threads;
-        return refined_by_em(model, data, std::move(options));
-      },
-      nb::arg("model"), nb::arg("data"), nb::arg("smoothing"), nb::arg("period").none(), nb::arg("iterations"),
-      nb::arg("tolerance"), nb::arg("feedthrough"), nb::arg("jumps"), nb::arg("estimate_matrices"),
-      nb::arg("accelerate"), nb::arg("warm_up"), nb::arg("threads"));
 }
 
 }  // namespace
@@ -467,7 +427,10 @@ void bind_em(nb::module_& module) {
 void bind_stages(nb::module_& module) {
   bind_regressions(module);
   bind_realisations(module);
-  bind_em(module);
+  module.def("stage_refine", &refined_by_em, nb::arg("model"), nb::arg("data"), nb::arg("smoothing"),
+             nb::arg("period").none(), nb::arg("iterations"), nb::arg("tolerance"), nb::arg("feedthrough"),
+             nb::arg("jumps"), nb::arg("estimate_matrices"), nb::arg("accelerate"), nb::arg("warm_up"),
+             nb::arg("threads"));
 }
 
 }  // namespace tokid::python

@@ -3,8 +3,15 @@
 
 #include "call.hpp"
 #include "results.hpp"
+#include "tokid/cross_validate.hpp"
 
 namespace tokid::python {
+
+RESULT(Fold, "Fold", FIELD(experiments),
+       Field("experiment_names", s.experiment_names.empty() ? std::nullopt : std::optional(s.experiment_names)),
+       FIELD(states), FIELD(lags), FIELD(simulation), FIELD(one_step), FIELD(horizon), FIELD(findings))
+RESULT(CrossValidation, "CrossValidation", FIELD(folds), FIELD(simulation), FIELD(one_step), FIELD(horizon),
+       FIELD(simulation_spread), FIELD(one_step_spread), FIELD(horizon_spread), Field("findings", remarks(s)))
 
 void bind_validate(nb::module_& module) {
   module.def(
@@ -27,6 +34,17 @@ void bind_validate(nb::module_& module) {
         return without_gil([&] { return experiment_fits(model, data, options); });
       },
       nb::arg("model"), nb::arg("data"), nb::arg("initial_state").none(), nb::arg("first_step"));
+  module.def(
+      "cross_validate",
+      [](const Ensemble& data, IdentifyOptions identify, Index folds, Index horizon, std::optional<std::uint64_t> seed,
+         Index first_step, int threads, nb::object listener) {
+        Call call(std::move(listener));
+        identify.execution = call.execution(threads);
+        const CrossValidateOptions options{folds, horizon, seed, first_step};
+        return call.run([&] { return cross_validate(data, identify, options); });
+      },
+      nb::arg("data"), nb::arg("options"), nb::kw_only(), nb::arg("folds"), nb::arg("horizon"), nb::arg("seed").none(),
+      nb::arg("first_step"), nb::arg("threads"), nb::arg("listener").none());
 }
 
 }  // namespace tokid::python

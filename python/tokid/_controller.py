@@ -136,8 +136,8 @@ class Controller:
         ExpectedCost
         """
         observed, true = self._loop(truth, model)
-        cost = self._core.expected_cost(observed._core, true._core)
-        return ExpectedCost(cost.outputs, cost.inputs, cost.input_rates, cost.measurement_noise, cost.presumes_zero_state)
+        cost: ExpectedCost = self._core.expected_cost(observed._core, true._core)
+        return cost
 
     def simulate(
         self,

@@ -15,7 +15,7 @@ from ._channels import Channels
 from ._errors import reading, warn, writing
 from ._held import Held
 from ._samples import core_of, describe, sizes, taken_for_one, with_remark
-from ._summary import Summary, of_channel
+from ._summary import Summary
 from ._typing import Array, ArrayLike, IndexArray, PathLike
 
 if TYPE_CHECKING:
@@ -302,7 +302,7 @@ class Ensemble(Channels):
         """
         names = self.input_names + self.output_names
         core = self._ready()
-        return Summary({name: of_channel(core, c) for c, name in enumerate(names)})
+        return Summary({name: core.channel_summary(c) for c, name in enumerate(names)})
 
     def _ready(self) -> _tokid.Ensemble:
         """The core without samples after the lengths of the experiments, which a user may have written there."""

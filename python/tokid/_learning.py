@@ -104,7 +104,7 @@ def learn(
         weights("input_change_weight", input_change_weight, model.inputs),
         weights("input_rate_weight", input_rate_weight, model.inputs),
     ]
-    found = LearnedRun(*_tokid.learn(model._core, wanted, *last, *costs))
+    found: LearnedRun = _tokid.learn(model._core, wanted, *last, *costs)
     limits = [_limit("u_min", u_min, -np.inf, last[0].shape), _limit("u_max", u_max, np.inf, last[0].shape)]
     for name, limit, never in zip(("u_min", "u_max"), limits, (np.inf, -np.inf)):
         if np.any(np.isnan(limit)):

@@ -20,7 +20,6 @@ from . import (
     _dataset,
     _display,
     _experiments,
-    _export,
     _learning,
     _options,
     _tokid,
@@ -1149,7 +1148,18 @@ class Model(StateSpace):
         ExportedCode
             Bytes of the tables and of the state, and the operations of a step.
         """
-        return _export.export_c(self, path, controller, name, single_precision, start_from_zero)
+        if controller is not None and not isinstance(controller, Controller):
+            raise ValueError(f"controller: {type(controller).__name__} found, a tokid.Controller needed")
+        with writing(path) as file:
+            code: ExportedCode = _tokid.export_c(
+                self._core,
+                file,
+                None if controller is None else controller._core,
+                _options.text("name", name),
+                _options.switch("single_precision", single_precision),
+                _options.switch("start_from_zero", start_from_zero),
+            )
+        return code
 
     def lifted_map(self, begin: Optional[int] = None, end: Optional[int] = None) -> LiftedMap:
         """Return the map from the inputs of all steps to their outputs, from rest, as an operator.

@@ -87,7 +87,8 @@ class Observer:
             For a wrong number of samples, an infinite sample, or a step after the end of the model. The observer then
             remains as it was.
         """
-        return Observation(*self._core.step(_sample("u", u, self._inputs), _sample("y", y, self._outputs)))
+        seen: Observation = self._core.step(_sample("u", u, self._inputs), _sample("y", y, self._outputs))
+        return seen
 
     def predict(self, u: ArrayLike) -> Array:
         """Predict the outputs of the next steps from their inputs.

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from . import _display, _tokid
+from . import _display
 
 
 @dataclass(frozen=True)
@@ -41,11 +41,6 @@ _TITLES = ("samples", "missing", "mean", "std", "min", "max")
 
 def _cells(one: ChannelSummary) -> list[str]:
     return [str(one.samples), str(one.missing), *map(_display.number, (one.mean, one.std, one.min, one.max))]
-
-
-def of_channel(core: _tokid.Ensemble, channel: int) -> ChannelSummary:
-    found = core.channel_summary(channel)
-    return ChannelSummary(found.samples, found.missing, found.mean, found.std, found.min, found.max)
 
 
 class Summary(dict[str, ChannelSummary]):
