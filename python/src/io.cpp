@@ -27,7 +27,7 @@ void bind_read_options(nb::module_& module) {
       .def_rw("outputs", &Options::outputs)
       .def_rw("outputs_required", &Options::outputs_required)
       .def_rw("time", &Options::time)
-      .def_rw("experiment", &Options::experiment)
+      .def_rw("experiment_column", &Options::experiment)
       .def_rw("missing", &Options::missing)
       .def_rw("trigger", &Options::trigger)
       .def_rw("before", &Options::before)

@@ -22,14 +22,13 @@ from . import stages as stages
 from ._controller import Controller
 from ._ensemble import Ensemble
 from ._errors import IoError, TokidWarning
-from ._example import example, example_system
+from ._example import example, example_system, paper
 from ._files import load
 from ._identify import cross_validate, identify, identify_file
 from ._learning import LiftedMap
 from ._lock import FileLock
 from ._model import Model, UpdateState
 from ._observer import Observer
-from ._paper import paper
 from ._plan import plan
 from ._state_space import MatrixSequence, Step
 from ._tokid import version as __version__

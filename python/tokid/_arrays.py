@@ -117,3 +117,23 @@ def shaped(name: str, values: Any, shape: Sequence[Optional[int]], letters: str 
         raise ValueError(f"{name}: shape {array.shape} found, ({wanted}{',' if len(shape) == 1 else ''}) needed")
     return array
 
+
+def weights(name: str, value: Any, size: int) -> list[Any]:
+    """Return weights as matrices: none, one for all steps, or one for each step.
+
+    A number stands for a multiple of the identity, `size` numbers for a diagonal.
+    """
+    if value is None:
+        return []
+    array = numbers(name, value).astype(np.float64)
+    if array.ndim == 0:
+        return [array * np.eye(size)]
+    if array.shape == (size,):
+        return [np.diag(array)]
+    if array.ndim == 2:
+        return [shaped(name, array, (size, size))]
+    if array.ndim == 3:
+        return list(shaped(name, array, (None, size, size), "S, m, m"))
+    raise ValueError(
+        f"{name}: shape {array.shape} found, a number, ({size},), ({size}, {size}) or (S, {size}, {size}) needed"
+    )

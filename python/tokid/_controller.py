@@ -16,7 +16,6 @@ from ._errors import reading, writing
 from ._held import Held
 from ._state_space import StateSpace
 from ._typing import Array, ArrayLike, PathLike
-from ._weights import weights
 from .results import ClosedLoop, ExpectedCost
 
 
@@ -231,38 +230,3 @@ def _limit(name: str, value: Optional[ArrayLike], inputs: int) -> Optional[Array
         raise ValueError(f"{name}: shape {given.shape} found, a number or ({inputs},) needed")
     array: Array = np.array(np.broadcast_to(given, (inputs,)), dtype=np.float64)
     return array
-
-
-def lqr(
-    model: StateSpace,
-    output_weight: ArrayLike,
-    input_weight: Optional[ArrayLike],
-    input_rate_weight: Optional[ArrayLike],
-    terminal_weight: Optional[ArrayLike],
-    begin: Optional[int],
-    end: Optional[int],
-    y_reference: Optional[ArrayLike],
-    u_reference: Optional[ArrayLike],
-) -> Controller:
-    """See `Model.lqr`."""
-    terminal = weights("terminal_weight", terminal_weight, model.outputs)
-    if len(terminal) > 1:
-        raise ValueError(f"terminal_weight: {len(terminal)} matrices found, one needed")
-    references = [
-        None if value is None else _arrays.shaped(name, value, (None, size), "S, channels")
-        for name, value, size in (
-            ("y_reference", y_reference, model.outputs),
-            ("u_reference", u_reference, model.inputs),
-        )
-    ]
-    core = _tokid.lqr(
-        model._core,
-        weights("output_weight", output_weight, model.outputs),
-        weights("input_weight", input_weight, model.inputs),
-        weights("input_rate_weight", input_rate_weight, model.inputs),
-        terminal[0] if terminal else None,
-        _options.step("begin", begin),
-        _options.step("end", end),
-        *references,
-    )
-    return Controller._of(core, model)

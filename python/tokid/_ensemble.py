@@ -14,7 +14,7 @@ from . import _arrays, _dataframe, _dataset, _options, _recordings, _samples, _t
 from ._channels import Channels
 from ._errors import reading, warn, writing
 from ._held import Held
-from ._samples import core_of, describe, sizes, taken_for_one, with_remark
+from ._samples import DESCRIPTION, core_of, describe, description, sizes, taken_for_one, with_remark
 from ._summary import Summary
 from ._typing import Array, ArrayLike, IndexArray, PathLike
 
@@ -90,9 +90,7 @@ class Ensemble(Channels):
     ) -> None:
         core, single = core_of(u, y, dt, length)
         self._core = core
-        describe(
-            core, length, free_y, initial_state, input_names, output_names, input_units, output_units, experiment_names
-        )
+        describe(core, **description(locals()))
         core.check(False)
         warn(with_remark(core.remarks(), core, taken_for_one(core) if single else ""))
 
@@ -144,9 +142,7 @@ class Ensemble(Channels):
             1.0 if dt is None else _options.number("dt", dt),
         )
         core.dt_stated = dt is not None
-        describe(
-            core, length, free_y, initial_state, input_names, output_names, input_units, output_units, experiment_names
-        )
+        describe(core, **description(locals()))
         return cls._with_warnings(core)
 
     @classmethod
@@ -220,22 +216,7 @@ class Ensemble(Channels):
             successive steps; if the last line may be incomplete; if a .csv has changed since tokid wrote it; if axes
             look swapped.
         """
-        options = _recordings.read_options(
-            inputs=inputs,
-            outputs=outputs,
-            outputs_required=outputs_required,
-            time=time,
-            experiment_column=experiment_column,
-            missing=missing,
-            dates=dates,
-            dt=dt,
-            trigger=trigger,
-            before=before,
-            resample=resample,
-            resample_method=resample_method,
-            held=held,
-            longest_gap=longest_gap,
-        )
+        options = _recordings.read_options(_recordings.among(locals()))
         if isinstance(path, (str, bytes, os.PathLike)) or not isinstance(path, Iterable):
             paths = [path]
         else:
@@ -460,33 +441,12 @@ class Ensemble(Channels):
         `to_dataframe` stores in ``data.attrs["tokid"]`` what a table has no place for: dt, names, units, lengths and
         initial states. This method uses these values if they still agree with the rows and columns.
         """
+        described = description(locals())
+        columns: dict[str, Any] = {"inputs": inputs, "outputs": outputs, "outputs_required": outputs_required, "dt": dt}
         if recorded or _recordings.is_several(data):
-            options = _recordings.read_options(
-                inputs=inputs, outputs=outputs, outputs_required=outputs_required, dt=dt, **recorded
-            )
-            return cls._with_warnings(
-                _recordings.load(
-                    data,
-                    options,
-                    length=length,
-                    free_y=free_y,
-                    initial_state=initial_state,
-                    input_units=input_units,
-                    output_units=output_units,
-                )
-            )
-        core = _dataframe.from_dataframe(
-            data,
-            inputs=inputs,
-            outputs=outputs,
-            dt=dt,
-            outputs_required=outputs_required,
-            length=length,
-            free_y=free_y,
-            initial_state=initial_state,
-            input_units=input_units,
-            output_units=output_units,
-        )
+            core = _recordings.load(data, _recordings.read_options({**columns, **recorded}), **described)
+        else:
+            core = _dataframe.from_dataframe(data, **columns, **described)
         return cls._with_warnings(core)
 
     @classmethod
@@ -547,37 +507,13 @@ class Ensemble(Channels):
         ValueError
             If the dataset is wrong. The message names the variable or coordinate.
         """
+        described = description(locals())
+        samples: dict[str, Any] = {"outputs_required": outputs_required, "dt": dt}
         if recorded or inputs or outputs or _recordings.is_several(data):
-            options = _recordings.read_options(
-                inputs=inputs, outputs=outputs, outputs_required=outputs_required, dt=dt, **recorded
-            )
-            return cls._with_warnings(
-                _recordings.load(
-                    data,
-                    options,
-                    length=length,
-                    free_y=free_y,
-                    initial_state=initial_state,
-                    input_names=input_names,
-                    output_names=output_names,
-                    input_units=input_units,
-                    output_units=output_units,
-                    experiment_names=experiment_names,
-                )
-            )
-        core = _dataset.from_xarray(
-            data,
-            dt=dt,
-            length=length,
-            free_y=free_y,
-            initial_state=initial_state,
-            input_names=input_names,
-            output_names=output_names,
-            input_units=input_units,
-            output_units=output_units,
-            experiment_names=experiment_names,
-            outputs_required=outputs_required,
-        )
+            options = _recordings.read_options({"inputs": inputs, "outputs": outputs, **samples, **recorded})
+            core = _recordings.load(data, options, **described)
+        else:
+            core = _dataset.from_xarray(data, **samples, **described)
         return cls._with_warnings(core)
 
     def to_dataframe(self) -> pandas.DataFrame:
@@ -600,23 +536,8 @@ class Ensemble(Channels):
     # Copies, also in other processes
 
     def __reduce__(self) -> tuple[Any, ...]:
-        state = {name: getattr(self._core, name) for name in _DESCRIPTION}
+        state = {name: getattr(self._core, name) for name in ("dt", "dt_stated", "reader_remarks", *DESCRIPTION)}
         return _restored, (np.asarray(self.u), np.asarray(self.y), state, type(self))
-
-
-_DESCRIPTION = (
-    "dt",
-    "dt_stated",
-    "reader_remarks",
-    "length",
-    "free_y",
-    "initial_state",
-    "input_names",
-    "output_names",
-    "input_units",
-    "output_units",
-    "experiment_names",
-)
 
 
 def _shortened(names: Sequence[str]) -> str:

@@ -14,7 +14,7 @@ from ._errors import reading, warn, writing
 from ._identify_options import IdentifyOptions
 from ._model import Model, Origin, UpdateState
 from ._progress import listener
-from ._samples import with_remark
+from ._samples import description, with_remark
 from ._typing import ArrayLike, PathLike, Progress
 from .results import CrossValidation, NoisyChoices, Streamed, Validation
 
@@ -167,15 +167,7 @@ def identify(
     options = _identify_options.checked(_identify_options.among(locals()))
     if on_model is not None and not callable(on_model):
         raise ValueError(f"on_model: {on_model!r} found, a function needed")
-    described = {
-        "length": length,
-        "free_y": free_y,
-        "input_names": input_names,
-        "output_names": output_names,
-        "input_units": input_units,
-        "output_units": output_units,
-        "experiment_names": experiment_names,
-    }
+    described = {**description(locals()), "initial_state": None}  # the option of the identification is another one
     core, remark = _experiments.to_identify(u, y, dt, described)
     reported = core.remarks() if isinstance(u, Ensemble) else []
     with listener(progress, "identify") as listening:

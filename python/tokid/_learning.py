@@ -3,15 +3,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Optional
 
 import numpy as np
 
 from . import _arrays, _options, _tokid
-from ._input_limits import limited_change
+from ._optional import need
 from ._state_space import StateSpace
 from ._typing import Array, ArrayLike
-from ._weights import weights
 from .results import LearnedRun
 
 
@@ -87,23 +87,14 @@ def learn(
     reference: ArrayLike,
     u: ArrayLike,
     y: ArrayLike,
-    error_weight: ArrayLike,
-    input_weight: Optional[ArrayLike],
-    input_change_weight: Optional[ArrayLike],
-    input_rate_weight: Optional[ArrayLike],
+    costs: list[list[Any]],
     u_min: Optional[ArrayLike],
     u_max: Optional[ArrayLike],
 ) -> LearnedRun:
-    """See `Model.learn`."""
+    """See `Model.learn`. costs: the weights of error, inputs, their change from the last run, and from step to step."""
     wanted: Any = _arrays.shaped("reference", reference, (None, model.outputs), "T, m")
     steps = len(wanted)
     last = [_arrays.shaped("u", u, (steps, model.inputs)), _arrays.shaped("y", y, (steps, model.outputs))]
-    costs = [
-        weights("error_weight", error_weight, model.outputs),
-        weights("input_weight", input_weight, model.inputs),
-        weights("input_change_weight", input_change_weight, model.inputs),
-        weights("input_rate_weight", input_rate_weight, model.inputs),
-    ]
     found: LearnedRun = _tokid.learn(model._core, wanted, *last, *costs)
     limits = [_limit("u_min", u_min, -np.inf, last[0].shape), _limit("u_max", u_max, np.inf, last[0].shape)]
     for name, limit, never in zip(("u_min", "u_max"), limits, (np.inf, -np.inf)):
@@ -138,14 +129,14 @@ def _limited(
     known = np.asarray(model._core.continued(part.stop).u_nominal)[: part.stop]
     if known.size:
         nominal[: len(known)] = known
-    change = limited_change(
+    change = _limited_change(
         model,
         part.start,
         (wanted - y)[part],
         u[part] - nominal[part],
         u[part.start - 1] - nominal[part.start - 1] if part.start > 0 else np.zeros(model.inputs),
         (limits[0][part] - u[part], limits[1][part] - u[part]),
-        *costs,
+        costs,
     )
     following, predicted = u.copy(), y.copy()
     following[part] = np.clip(u[part] + change, limits[0][part], limits[1][part])
@@ -159,3 +150,84 @@ def _rms(error: Any) -> Array:
     squares = np.where(known, np.nan_to_num(error) ** 2, 0.0).sum(axis=0)
     with np.errstate(invalid="ignore"):
         return np.asarray(np.sqrt(squares / known.sum(axis=0)))
+
+
+def _at(weights: Sequence[Any], s: int) -> Any:
+    return weights[0] if len(weights) == 1 else weights[s]
+
+
+def _stack(sparse: Any, weights: Sequence[Any], steps: int, size: int) -> Any:
+    """The weights of all steps as a block-diagonal matrix."""
+    if not weights:
+        return sparse.csc_matrix((steps * size, steps * size))
+    return sparse.block_diag([_at(weights, s) for s in range(steps)], format="csc")
+
+
+def _limited_change(
+    model: StateSpace,
+    begin: int,
+    error: Array,
+    departures: Array,
+    before: Array,
+    limits: tuple[Array, Array],
+    costs: list[list[Any]],
+) -> Array:
+    """Solve a sparse quadratic program in inputs and states by PIQP.
+
+    Return the change (S, r) of the inputs of the steps begin ... that minimises the cost of `Model.learn`.
+
+    error (S, m): reference minus output, NaN where it does not count. departures (S, r): inputs of the last run.
+    before (r,): the input of the step before them.
+    limits: smallest and largest change (S, r).
+    """
+    error_weight, input_weight, change_weight, rate_weight = costs
+    piqp = need("piqp", "learn with limits of the inputs", "tokid[limits]")
+    sparse = need("scipy.sparse", "learn with limits of the inputs", "tokid[limits]")
+    steps, r = departures.shape
+    core = model._core.continued(begin + steps)
+    a, b, c, d = ([core.matrix(name, s) for s in range(steps)] for name in "ABCD")
+    sizes = [matrix.shape[0] for matrix in a]  # of the states after each step
+    inputs, states = steps * r, sum(sizes)
+
+    # The variables are all changes of inputs, then the states x[begin+1] ... The first state does not change.
+    after = sparse.block_diag(b, format="csc"), sparse.identity(states, format="lil")
+    outputs = sparse.lil_matrix((error.size, states))
+    row, column = sizes[0], 0
+    for s in range(1, steps):
+        width, height = a[s].shape[1], a[s].shape[0]
+        after[1][row : row + height, column : column + width] = -a[s]
+        outputs[s * error.shape[1] : (s + 1) * error.shape[1], column : column + width] = c[s]
+        row, column = row + height, column + width
+    dynamics = sparse.hstack([-after[0], after[1]], format="csc")
+    response = sparse.hstack([sparse.block_diag(d, format="csc"), outputs], format="csc")
+
+    counted = sparse.diags((~np.isnan(error)).astype(float).ravel())
+    q = counted @ _stack(sparse, error_weight, steps, error.shape[1]) @ counted
+    difference = sparse.identity(inputs) - sparse.eye(inputs, k=-r)
+    own = _stack(sparse, input_weight, steps, r)
+    own = own + difference.T @ _stack(sparse, rate_weight, steps, r) @ difference
+    squares = response.T @ q @ response + sparse.block_diag(
+        [own + _stack(sparse, change_weight, steps, r), sparse.csc_matrix((states, states))]
+    )
+    gradient = -(response.T @ (q @ np.nan_to_num(error).ravel()))
+    gradient[:inputs] += own @ departures.ravel()
+    if rate_weight:
+        gradient[:r] -= _at(rate_weight, 0) @ before
+
+    scale = float(abs(squares).max())
+    free = np.full(states, np.inf)
+    solver = piqp.SparseSolver()
+    solver.settings.eps_abs = solver.settings.eps_rel = 1e-10
+    solver.setup(
+        sparse.csc_matrix(squares / scale),
+        gradient / scale,
+        sparse.csc_matrix(dynamics),
+        np.zeros(states),
+        x_l=np.concatenate([limits[0].ravel(), -free]),
+        x_u=np.concatenate([limits[1].ravel(), free]),
+    )
+    status = solver.solve()
+    if status != piqp.PIQP_SOLVED:
+        raise RuntimeError(f"learn: the quadratic program was not solved: {status}. Use larger weights on inputs")
+    change: Array = np.clip(np.reshape(solver.result.x[:inputs], (steps, r)), *limits)
+    return change

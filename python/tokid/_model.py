@@ -15,7 +15,6 @@ import numpy as np
 from . import (
     _arrays,
     _control,
-    _controller,
     _dataframe,
     _dataset,
     _display,
@@ -210,7 +209,7 @@ class Model(StateSpace):
         ):
             if value is not None:
                 setattr(core, name, _arrays.shaped(name, value, shape, "n, n" if name[0] == "x" else "T, m"))
-        name_channels(core, input_names, output_names, input_units, output_units)
+        name_channels(core, locals())
         core.check()
         return cls._of(core)
 
@@ -618,13 +617,14 @@ class Model(StateSpace):
         Confidence, or FunctionBounds with `function`
         """
         data, _ = self._data(u, y, outputs=True)
-        if function is not None:
-            return self._function_bounds(data, function, level, replicates, seed, threads, progress)
+        options = _bootstrap_options(level, replicates, seed, threads)
         with listener(progress, "confidence") as listening:
+            if function is not None:
+                return self._function_bounds(data, function, {**options, "listener": listening})
             result: Confidence = _tokid.confidence(
                 self._core,
                 data,
-                **_bootstrap_options(level, replicates, seed, threads),
+                **options,
                 band=_options.count_or_auto("band", band),
                 reference_step=_options.step("reference_step", reference_step),
                 listener=listening,
@@ -633,14 +633,7 @@ class Model(StateSpace):
         return result
 
     def _function_bounds(
-        self,
-        data: _tokid.Ensemble,
-        function: Callable[[Model], ArrayLike],
-        level: float,
-        replicates: Optional[int],
-        seed: Optional[int],
-        threads: int,
-        progress: Progress,
+        self, data: _tokid.Ensemble, function: Callable[[Model], ArrayLike], options: dict[str, Any]
     ) -> FunctionBounds:
         shape = _values_of(function, self).shape
 
@@ -648,16 +641,9 @@ class Model(StateSpace):
             found = _values_of(function, Model._of(core))
             if found.shape != shape:
                 raise ValueError(f"function: values of shape {found.shape} found, {shape} needed as for the model itself")
-            return np.ascontiguousarray(found.ravel())
+            return found.ravel()
 
-        with listener(progress, "confidence") as listening:
-            result: FunctionBounds = _tokid.function_bounds(
-                self._core,
-                data,
-                values,
-                **_bootstrap_options(level, replicates, seed, threads),
-                listener=listening,
-            )
+        result: FunctionBounds = _tokid.function_bounds(self._core, data, values, **options)
         warn(result.warnings)
         arrays = {name: getattr(result.interval, name).reshape(shape) for name in _INTERVAL}
         return replace(result, interval=Interval(**arrays))
@@ -1104,17 +1090,27 @@ class Model(StateSpace):
         >>> len(controller.K), controller.K[0].shape, controller.cost_to_go[0].shape
         (40, (2, 4), (4, 4))
         """
-        return _controller.lqr(
-            self,
-            output_weight,
-            input_weight,
-            input_rate_weight,
-            terminal_weight,
-            begin,
-            end,
-            y_reference,
-            u_reference,
+        terminal = _arrays.weights("terminal_weight", terminal_weight, self.outputs)
+        if len(terminal) > 1:
+            raise ValueError(f"terminal_weight: {len(terminal)} matrices found, one needed")
+        references = [
+            None if value is None else _arrays.shaped(name, value, (None, size), "S, channels")
+            for name, value, size in (
+                ("y_reference", y_reference, self.outputs),
+                ("u_reference", u_reference, self.inputs),
+            )
+        ]
+        core = _tokid.lqr(
+            self._core,
+            _arrays.weights("output_weight", output_weight, self.outputs),
+            _arrays.weights("input_weight", input_weight, self.inputs),
+            _arrays.weights("input_rate_weight", input_rate_weight, self.inputs),
+            terminal[0] if terminal else None,
+            _options.step("begin", begin),
+            _options.step("end", end),
+            *references,
         )
+        return Controller._of(core, self)
 
     def export_c(
         self,
@@ -1206,9 +1202,13 @@ class Model(StateSpace):
         -------
         LearnedRun
         """
-        return _learning.learn(
-            self, reference, u, y, error_weight, input_weight, input_change_weight, input_rate_weight, u_min, u_max
-        )
+        costs = [
+            _arrays.weights("error_weight", error_weight, self.outputs),
+            _arrays.weights("input_weight", input_weight, self.inputs),
+            _arrays.weights("input_change_weight", input_change_weight, self.inputs),
+            _arrays.weights("input_rate_weight", input_rate_weight, self.inputs),
+        ]
+        return _learning.learn(self, reference, u, y, costs, u_min, u_max)
 
     # Objects of other packages
 

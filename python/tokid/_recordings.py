@@ -11,8 +11,8 @@ import os
 import re
 import sys
 import tempfile
-from collections.abc import Mapping, Sequence
-from typing import Any, Optional, Union
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Optional
 
 import numpy as np
 
@@ -28,40 +28,41 @@ METHODS = {
 DATES = {"day-first": _tokid.DateOrder.day_first, "month-first": _tokid.DateOrder.month_first}
 
 
-def read_options(
-    *,
-    inputs: Union[str, Sequence[Any], None] = None,
-    outputs: Union[str, Sequence[Any], None] = None,
-    outputs_required: bool = False,
-    time: Optional[str] = None,
-    experiment_column: Optional[str] = None,
-    missing: Union[str, Sequence[Any]] = (),
-    dates: Optional[str] = None,
-    dt: Optional[float] = None,
-    trigger: Optional[str] = None,
-    before: int = 0,
-    resample: Optional[float] = None,
-    resample_method: str = "linear",
-    held: Union[str, Sequence[Any]] = (),
-    longest_gap: Optional[int] = None,
-) -> _tokid.ReadOptions:
-    """The options of the reader of files. See `Ensemble.load`."""
+def _or_none(check: Callable[..., Any], *limits: Any) -> Callable[[str, Any], Any]:
+    return lambda name, value: None if value is None else check(name, value, *limits)
+
+
+# The options of the reader of files, as in `Ensemble.load`, and their checks.
+_CHECKS: dict[str, Callable[[str, Any], Any]] = {
+    "inputs": lambda _, value: one_or_more(value),
+    "outputs": lambda _, value: one_or_more(value),
+    "outputs_required": _options.switch,
+    "time": _options.text,
+    "experiment_column": _options.text,
+    "missing": lambda _, value: one_or_more(value),
+    "dates": lambda name, value: _tokid.DateOrder.automatic if value is None else _options.choice(name, value, DATES),
+    "dt": _or_none(_options.real, 0.0),
+    "trigger": _options.text,
+    "before": lambda name, value: _options.integer(name, value, 0),
+    "resample": _or_none(_options.real, 0.0),
+    "resample_method": lambda name, value: _options.choice(name, value, METHODS),
+    "held": lambda _, value: one_or_more(value),
+    "longest_gap": _or_none(_options.integer, 1),
+}
+
+
+def among(arguments: Mapping[str, Any]) -> dict[str, Any]:
+    """Select the options of the reader among the arguments of a call."""
+    return {name: arguments[name] for name in _CHECKS}
+
+
+def read_options(given: Mapping[str, Any]) -> _tokid.ReadOptions:
+    """Check options of the reader of files."""
     options = _tokid.ReadOptions()
-    options.inputs = one_or_more(inputs)
-    options.outputs = one_or_more(outputs)
-    options.outputs_required = _options.switch("outputs_required", outputs_required)
-    options.time = _options.text("time", time)
-    options.experiment = _options.text("experiment_column", experiment_column)
-    options.missing = one_or_more(missing)
-    if dates is not None:
-        options.dates = _options.choice("dates", dates, DATES)
-    options.dt = None if dt is None else _options.real("dt", dt, 0.0)
-    options.trigger = _options.text("trigger", trigger)
-    options.before = _options.integer("before", before, 0)
-    options.resample = None if resample is None else _options.real("resample", resample, 0.0)
-    options.resample_method = _options.choice("resample_method", resample_method, METHODS)
-    options.held = one_or_more(held)
-    options.longest_gap = None if longest_gap is None else _options.integer("longest_gap", longest_gap, 1)
+    for name, value in given.items():
+        if name not in _CHECKS:
+            raise TypeError(f"{name!r} is no option of a reader of files")
+        setattr(options, name, _CHECKS[name](name, value))
     return options
 
 

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Optional, Union
 
 import numpy as np
@@ -131,18 +131,19 @@ def with_remark(texts: Sequence[str], core: _tokid.Ensemble, remark: str) -> Seq
     return texts
 
 
-def describe(
-    core: _tokid.Ensemble,
-    length: Optional[ArrayLike] = None,
-    free_y: Optional[ArrayLike] = None,
-    initial_state: Optional[str] = None,
-    input_names: Optional[Sequence[str]] = None,
-    output_names: Optional[Sequence[str]] = None,
-    input_units: Optional[Sequence[str]] = None,
-    output_units: Optional[Sequence[str]] = None,
-    experiment_names: Optional[Iterable[Any]] = None,
-) -> None:
-    """Set the parts of an ensemble that are not samples. The arguments are those of `Ensemble`."""
+# The arguments of `Ensemble` that describe samples.
+NAMES = ("input_names", "output_names", "input_units", "output_units")
+DESCRIPTION = ("length", "free_y", "initial_state", *NAMES, "experiment_names")
+
+
+def description(arguments: Mapping[str, Any]) -> dict[str, Any]:
+    """Select those that describe samples among the arguments of a call."""
+    return {name: arguments[name] for name in DESCRIPTION if name in arguments}
+
+
+def describe(core: _tokid.Ensemble, **given: Any) -> None:
+    """Set the parts of an ensemble that are not samples. The arguments are those of `DESCRIPTION`."""
+    length, free_y, initial_state, names = map(given.get, ("length", "free_y", "initial_state", "experiment_names"))
     if length is not None:
         lengths = _arrays.shaped("length", length, (core.experiments,))
         if lengths.dtype.kind not in "iu":
@@ -153,13 +154,11 @@ def describe(
     if initial_state is not None:
         _options.known_initial_state(initial_state)
         core.initial_state = initial_state
-    name_channels(core, input_names, output_names, input_units, output_units)
-    if experiment_names is not None:
-        if isinstance(experiment_names, str):
-            raise ValueError(
-                f"experiment_names: {experiment_names!r} found, a list of {plural(core.experiments, 'name')} needed"
-            )
-        core.experiment_names = [label(name) for name in experiment_names]
+    name_channels(core, given)
+    if names is not None:
+        if isinstance(names, str):
+            raise ValueError(f"experiment_names: {names!r} found, a list of {plural(core.experiments, 'name')} needed")
+        core.experiment_names = [label(name) for name in names]
 
 
 def one_or_more(values: Union[str, Iterable[Any], None]) -> list[str]:
@@ -167,20 +166,10 @@ def one_or_more(values: Union[str, Iterable[Any], None]) -> list[str]:
     return [values] if isinstance(values, str) else [str(value) for value in (() if values is None else values)]
 
 
-def name_channels(
-    core: Any,
-    input_names: Optional[Sequence[str]],
-    output_names: Optional[Sequence[str]],
-    input_units: Optional[Sequence[str]],
-    output_units: Optional[Sequence[str]],
-) -> None:
+def name_channels(core: Any, given: Mapping[str, Any]) -> None:
     """Set the names and units of an ensemble or a model, one for each channel."""
-    for name, texts, count in (
-        ("input_names", input_names, core.inputs),
-        ("output_names", output_names, core.outputs),
-        ("input_units", input_units, core.inputs),
-        ("output_units", output_units, core.outputs),
-    ):
+    for name in NAMES:
+        texts, count = given.get(name), core.inputs if name.startswith("input") else core.outputs
         if texts is not None:
             listed = one_or_more(texts)
             if len(listed) != count:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
-from typing import Any, Optional
+from typing import TYPE_CHECKING, Any, Callable, Optional
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +16,15 @@ from ._held import read_only
 from ._samples import plural
 from ._summary import ChannelSummary as ChannelSummary
 from ._typing import Array, ComplexArray, PathLike
+
+if TYPE_CHECKING:
+    from typing_extensions import dataclass_transform
+else:
+
+    def dataclass_transform(**_: Any) -> Callable[[type], type]:
+        """Do nothing: only type checkers use this decorator of newer versions of Python."""
+        return lambda cls: cls
+
 
 _LINE = 100  # characters
 
@@ -36,8 +45,15 @@ def _short(value: Any) -> str:
     return repr(value)
 
 
+@dataclass_transform(frozen_default=True, eq_default=False, field_specifiers=(field,))
 class _Result:
-    """A result that is shown in a few lines, and as a table of HTML: arrays by their shapes, numbers with three digits."""
+    """A result that is shown in a few lines, and as a table of HTML: arrays by their shapes, numbers with three digits.
+
+    The classes of results are frozen dataclasses.
+    """
+
+    def __init_subclass__(cls, eq: bool = False) -> None:
+        dataclass(frozen=True, eq=eq, repr=False)(cls)
 
     def _fields(self) -> list[tuple[str, str]]:
         shown = (f.name for f in fields(self) if f.repr)  # type: ignore[arg-type]
@@ -119,8 +135,7 @@ class FindingTerm:
     factor: float
 
 
-@dataclass(frozen=True, repr=False)
-class Finding(_Result):
+class Finding(_Result, eq=True):
     """A fact about data, a model or an identification that the user should know.
 
     Attributes
@@ -177,7 +192,7 @@ class Finding(_Result):
         return f"<Finding {self.kind}, {self.severity}: {self.text}>"
 
 
-class _Found(_Result):
+class _Found:
     """A result with findings."""
 
     findings: list[Finding]
@@ -191,7 +206,6 @@ class _Found(_Result):
         return [("Warnings", f"{len(self.findings)}; the attribute warnings lists them")] if self.findings else []
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Fit(_Result):
     """The agreement of computed and measured outputs, over all experiments and steps where both are known.
 
@@ -211,7 +225,6 @@ class Fit(_Result):
     samples: int
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class ExperimentFits(_Result):
     """The fits of each experiment alone.
 
@@ -257,7 +270,6 @@ class ExperimentFits(_Result):
     worst_output: list[Optional[int]]
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Whiteness(_Result):
     """Test: are the innovations of different steps correlated?
 
@@ -282,7 +294,6 @@ class Whiteness(_Result):
     over: str
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Independence(_Result):
     """Test: are the innovations correlated with the inputs?
 
@@ -307,7 +318,6 @@ class Independence(_Result):
     over: str
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class NormalisedSquares(_Result):
     """Test: are the innovations as large as their covariance in the model?
 
@@ -330,7 +340,6 @@ class NormalisedSquares(_Result):
     step_p: Array
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class InputGains(_Result):
     """Test: does each input act on the outputs as strongly as in the model?
 
@@ -350,7 +359,6 @@ class InputGains(_Result):
     share: Array
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Conclusion(_Result):
     """What a test of the innovations shows.
 
@@ -382,7 +390,6 @@ class Conclusion(_Result):
     text: str
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class OutlyingSamples(_Result):
     """Samples of one output of one experiment with much larger prediction errors than in the other experiments.
 
@@ -412,8 +419,7 @@ class OutlyingSamples(_Result):
     weight: float
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Validation(_Found):
+class Validation(_Found, _Result):
     """The fits and tests of a model on data.
 
     Attributes
@@ -485,7 +491,6 @@ _TESTS = {
 }
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class TimeVariation(_Result):
     """The variation of a model over time.
 
@@ -501,7 +506,6 @@ class TimeVariation(_Result):
     period: int
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class NoisyChoices(_Result):
     """The choices of an identification from noisy data, apart from lag order and state dimension.
 
@@ -530,7 +534,6 @@ class NoisyChoices(_Result):
     delays: list[int]
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Departure(_Result):
     """A channel whose mean over the experiments differs from zero.
 
@@ -546,7 +549,6 @@ class Departure(_Result):
     steps: list[int]
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class NominalTest(_Result):
     """Test: does the mean motion differ significantly from zero?
 
@@ -577,7 +579,6 @@ class NominalTest(_Result):
     significant: bool
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class InitialStateTest(_Result):
     """Test: do the residuals of the first steps show unknown initial states?
 
@@ -595,7 +596,6 @@ class InitialStateTest(_Result):
     reason: str
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class LagOrderErrors(_Result):
     """Leave-one-out errors of the lag orders; empty unless p was chosen with a regression for each step.
 
@@ -617,7 +617,6 @@ class LagOrderErrors(_Result):
     best: int
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class SmoothingTrial(_Result):
     """The cross-validation error of one lag order with one λ.
 
@@ -634,7 +633,6 @@ class SmoothingTrial(_Result):
     error: float
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class SmoothingChoice(_Result):
     """The choice of lag order and λ by cross-validation; without trials unless both were chosen together.
 
@@ -653,7 +651,6 @@ class SmoothingChoice(_Result):
     error: float
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class OrderScores(_Result):
     """The errors of each state dimension; empty unless n was chosen from noisy data.
 
@@ -694,7 +691,6 @@ class OrderScores(_Result):
     best: int
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class RefinementTrial(_Result):
     """The cross-validation error of EM with one state dimension and one λ.
 
@@ -717,7 +713,6 @@ class RefinementTrial(_Result):
     log_likelihood: float
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Jump(_Result):
     """A step at which the matrices jump.
 
@@ -733,7 +728,6 @@ class Jump(_Result):
     loss: Optional[float]
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class HeldOutErrors(_Result):
     """Errors of predictions of held-out experiments, at each horizon.
 
@@ -749,7 +743,6 @@ class HeldOutErrors(_Result):
     standard_error: Array
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class RegressionComparison(_Result):
     """The errors of the models of the folds beside those of the regression that predicts best.
 
@@ -777,7 +770,6 @@ class RegressionComparison(_Result):
     smoothing: float
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class RefinementChoice(_Result):
     """The cross-validation of EM, by the likelihood of held-out experiments; without trials if EM was not tried.
 
@@ -811,7 +803,6 @@ class RefinementChoice(_Result):
     ahead_model_share: float
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Outlier(_Result):
     """An experiment that does not fit models of the others: its innovations are too large.
 
@@ -839,7 +830,6 @@ class Outlier(_Result):
     held_out: bool
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class FeedthroughChoice(_Result):
     """Whether the outputs respond to the inputs of the same step.
 
@@ -863,8 +853,7 @@ class FeedthroughChoice(_Result):
     feedback_p: float
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Identification(_Found):
+class Identification(_Found, _Result):
     """The choices of an identification, and the evidence for them.
 
     Attributes
@@ -986,7 +975,6 @@ class Identification(_Found):
         return rows + ([] if self.verdict is None else list(self.verdict._rows()))
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class LikelihoodChoice(_Result):
     """The choice of λ of EM by the likelihood of held-out experiments.
 
@@ -1008,7 +996,6 @@ class LikelihoodChoice(_Result):
     best: float
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class RefinementFigures(_Result):
     """The fits of a model on the data of its refinement.
 
@@ -1024,8 +1011,7 @@ class RefinementFigures(_Result):
     whiteness_p: float
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Refinement(_Found):
+class Refinement(_Found, _Result):
     """The course of a refinement by EM.
 
     Attributes
@@ -1063,8 +1049,7 @@ class Refinement(_Found):
     findings: list[Finding]
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Fold(_Found):
+class Fold(_Found, _Result):
     """One fold of a cross-validation.
 
     Attributes
@@ -1089,8 +1074,7 @@ class Fold(_Found):
     findings: list[Finding]
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class CrossValidation(_Found):
+class CrossValidation(_Found, _Result):
     """A cross-validation: a model of the other folds predicts and simulates each experiment.
 
     Attributes
@@ -1134,7 +1118,6 @@ class CrossValidation(_Found):
         return rows + self._warned()
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Interval(_Result):
     """Estimates with their bounds. All arrays have the same shape.
 
@@ -1154,7 +1137,6 @@ class Interval(_Result):
     upper: Array
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class MarkovBounds(_Result):
     """Bounds of the Markov parameters.
 
@@ -1180,7 +1162,6 @@ class MarkovBounds(_Result):
     relative_error_limit: Array
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class ModelDifference(_Result):
     """The difference of the pulse responses of two models, for pulses and responses at the steps begin … end-1.
 
@@ -1208,7 +1189,6 @@ class ModelDifference(_Result):
     band: int
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class SpectrumBounds(_Result):
     """Bounds of the eigenvalues of the closed loop in a reference frame. NaN if a step has fewer eigenvalues.
 
@@ -1233,8 +1213,7 @@ class SpectrumBounds(_Result):
     simple: npt.NDArray[np.bool_]
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Confidence(_Found):
+class Confidence(_Found, _Result):
     """Bounds of the parameters, outputs and eigenvalues of a model.
 
     Attributes
@@ -1287,8 +1266,7 @@ class Confidence(_Found):
         self._core.save(path, mat73)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class FunctionBounds(_Found):
+class FunctionBounds(_Found, _Result):
     """Bounds of a function of a model, by the bootstrap.
 
     Attributes
@@ -1314,8 +1292,7 @@ class FunctionBounds(_Found):
     findings: list[Finding]
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Modes(_Found):
+class Modes(_Found, _Result):
     """Natural frequencies and damping ratios with the time frozen, at the steps begin … begin+S-1.
 
     The columns follow modes over time. A conjugate pair has two columns, the one with positive imaginary part first.
@@ -1391,8 +1368,7 @@ class Modes(_Found):
         return time
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Plan(_Found):
+class Plan(_Found, _Result):
     """A number of experiments, and inputs for them.
 
     Attributes
@@ -1467,7 +1443,6 @@ class Plan(_Found):
         self.inputs.save(path, mat73=mat73)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class VerdictReason(_Result):
     """Why a check of a verdict did not pass.
 
@@ -1483,7 +1458,6 @@ class VerdictReason(_Result):
     text: str
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class CheckFigure(_Result):
     """A figure by which a check decides, and its bound.
 
@@ -1509,7 +1483,6 @@ class CheckFigure(_Result):
     distrust: float
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class VerdictCheck(_Result):
     """A check of a verdict, in words and as numbers.
 
@@ -1553,7 +1526,6 @@ class VerdictCheck(_Result):
     reasons: list[VerdictReason]
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Verdict(_Result):
     """The conclusion of a report: can the model be trusted?
 
@@ -1581,7 +1553,6 @@ class Verdict(_Result):
         return [("Verdict", self.trust), ("", self.summary), *reasons]
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Streamed(_Result):
     """An identification in blocks. Its model is in a file.
 
@@ -1606,8 +1577,7 @@ class Streamed(_Result):
     missing: int
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Additions(_Found):
+class Additions(_Found, _Result):
     """The experiments of an update, and the fit of the previous model to them.
 
     Attributes
@@ -1630,8 +1600,7 @@ class Additions(_Found):
     findings: list[Finding]
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Updated(_Found):
+class Updated(_Found, _Result):
     """The identification of a model from an update state.
 
     Attributes
@@ -1654,7 +1623,6 @@ class Updated(_Found):
     findings: list[Finding]
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class PrintedNumber(_Result):
     """A number printed in Appendix B of the paper, and the same number computed here.
 
@@ -1678,7 +1646,6 @@ class PrintedNumber(_Result):
         return abs(self.computed - self.printed) <= self.tolerance
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Paper(_Result):
     """The example of the paper, recomputed.
 
@@ -1693,7 +1660,6 @@ class Paper(_Result):
     data: dict[str, Any]
 
 
-@dataclass(frozen=True, repr=False)
 class Observation(_Result):
     """What one step of an observer shows. NaN where the state is not known, and where a sample is missing.
 
@@ -1716,8 +1682,7 @@ class Observation(_Result):
     outputs: int
 
 
-@dataclass(frozen=True, repr=False)
-class ExpectedCost(_Result):
+class ExpectedCost(_Result, eq=True):
     """The parts of an expected cost, for outputs without measurement noise.
 
     Attributes
@@ -1758,8 +1723,7 @@ class Operations:
     divisions: int
 
 
-@dataclass(frozen=True, repr=False)
-class ExportedCode(_Result):
+class ExportedCode(_Result, eq=True):
     """The sizes of C code.
 
     Attributes
@@ -1789,7 +1753,6 @@ class ExportedCode(_Result):
     control: Operations
 
 
-@dataclass(frozen=True, repr=False)
 class ClosedLoop(_Result):
     """A simulation of a closed loop.
 
@@ -1805,7 +1768,6 @@ class ClosedLoop(_Result):
     cost: Array
 
 
-@dataclass(frozen=True, repr=False)
 class LearnedRun(_Result):
     """The next run of iterative learning.
 
