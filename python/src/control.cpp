@@ -30,15 +30,12 @@ Matrix feedforward_of(const Controller& controller) {
 
 void bind_observer(nb::module_& module) {
   nb::class_<OnlineObserver>(module, "OnlineObserver", "The observer of the library; tokid.Observer is what users see.")
-      .def(
-          "__init__",
-          [](OnlineObserver* self, const Model& model, std::optional<InitialState> initial_state, bool initial_estimate,
-             bool samples_missing, const std::optional<Vector>& input_square) {
-            new (self) OnlineObserver(
-                model, {initial_state, initial_estimate, samples_missing, input_square.value_or(Vector())});
-          },
-          nb::arg("model"), nb::arg("initial_state").none(), nb::arg("initial_estimate"), nb::arg("samples_missing"),
-          nb::arg("input_square").none())
+      .def("__init__",
+           [](OnlineObserver* self, const Model& model, std::optional<InitialState> initial_state,
+              bool initial_estimate, bool samples_missing, const std::optional<Vector>& input_square) {
+             new (self) OnlineObserver(
+                 model, {initial_state, initial_estimate, samples_missing, input_square.value_or(Vector())});
+           })
       .def("step", [](OnlineObserver& observer, const Vector& u, const Vector& y) { return observer.step(u, y); })
       .def_prop_ro("k", &OnlineObserver::k)
       .def_prop_ro("knows_state", &OnlineObserver::knows_state)
@@ -92,32 +89,25 @@ void bind_controller(nb::module_& module) {
            [](const Lqr& lqr, const Model& model, const Model& truth) {
              return without_gil([&] { return expected_cost(lqr.controller, model, truth); });
            })
-      .def(
-          "simulate",
-          [](const Lqr& lqr, const Model& model, const Model& truth, Index experiments, std::uint64_t seed, bool noise,
-             const std::optional<Vector>& u_min, const std::optional<Vector>& u_max, const std::optional<Matrix>& x0) {
-            const SimulateControlOptions options{
-                experiments, seed, noise, u_min.value_or(Vector()), u_max.value_or(Vector()), x0.value_or(Matrix())};
-            ClosedLoopSimulation found =
-                without_gil([&] { return simulate_control(lqr.controller, model, truth, options); });
-            return std::pair(std::move(found.data), std::move(found.cost));
-          },
-          nb::arg("model"), nb::arg("truth"), nb::arg("experiments"), nb::arg("seed"), nb::arg("noise"),
-          nb::arg("u_min").none(), nb::arg("u_max").none(), nb::arg("x0").none());
+      .def("simulate",
+           [](const Lqr& lqr, const Model& model, const Model& truth, Index experiments, std::uint64_t seed, bool noise,
+              const std::optional<Vector>& u_min, const std::optional<Vector>& u_max, const std::optional<Matrix>& x0) {
+             const SimulateControlOptions options{
+                 experiments, seed, noise, u_min.value_or(Vector()), u_max.value_or(Vector()), x0.value_or(Matrix())};
+             ClosedLoopSimulation found =
+                 without_gil([&] { return simulate_control(lqr.controller, model, truth, options); });
+             return std::pair(std::move(found.data), std::move(found.cost));
+           });
   module.def("load_controller", [](const std::filesystem::path& path) {
     return without_gil([&] { return Lqr{load_controller(path), {}}; });
   });
-  module.def(
-      "lqr",
-      [](const Model& model, const Matrices& output, const Matrices& input, const Matrices& input_rate,
-         const std::optional<Matrix>& terminal, Index begin, Index end, const std::optional<Matrix>& y_reference,
-         const std::optional<Matrix>& u_reference) {
-        const CostWeights weights{output, input, input_rate, terminal.value_or(Matrix())};
-        const ControlOptions options{begin, end, y_reference.value_or(Matrix()), u_reference.value_or(Matrix())};
-        return without_gil([&] { return lqr(model, weights, options); });
-      },
-      nb::arg("model"), nb::arg("output"), nb::arg("input"), nb::arg("input_rate"), nb::arg("terminal").none(),
-      nb::arg("begin"), nb::arg("end"), nb::arg("y_reference").none(), nb::arg("u_reference").none());
+  module.def("lqr", [](const Model& model, const Matrices& output, const Matrices& input, const Matrices& input_rate,
+                       const std::optional<Matrix>& terminal, Index begin, Index end,
+                       const std::optional<Matrix>& y_reference, const std::optional<Matrix>& u_reference) {
+    const CostWeights weights{output, input, input_rate, terminal.value_or(Matrix())};
+    const ControlOptions options{begin, end, y_reference.value_or(Matrix()), u_reference.value_or(Matrix())};
+    return without_gil([&] { return lqr(model, weights, options); });
+  });
 }
 
 void bind_export(nb::module_& module) {
@@ -135,7 +125,7 @@ void bind_export(nb::module_& module) {
 
 void bind_learning(nb::module_& module) {
   nb::class_<LiftedMap>(module, "LiftedMap", "The lifted map of the library; tokid.LiftedMap is what users see of it.")
-      .def(nb::init<const Model&, Index, Index>(), nb::arg("model"), nb::arg("begin"), nb::arg("end"))
+      .def(nb::init<const Model&, Index, Index>())
       .def_prop_ro("begin", &LiftedMap::begin)
       .def_prop_ro("steps", &LiftedMap::steps)
       .def_prop_ro("inputs", &LiftedMap::inputs)
@@ -144,13 +134,10 @@ void bind_learning(nb::module_& module) {
       .def("transposed_product", [](const LiftedMap& map, const Matrix& y) { return map.transposed_product(y); })
       .def("dense", [](const LiftedMap& map) { return without_gil([&] { return map.dense(); }); });
   module.def(
-      "learn",
-      [](const Model& model, const Matrix& reference, const Matrix& u, const Matrix& y, const Matrices& error,
-         const Matrices& input, const Matrices& input_change, const Matrices& input_rate) {
+      "learn", [](const Model& model, const Matrix& reference, const Matrix& u, const Matrix& y, const Matrices& error,
+                  const Matrices& input, const Matrices& input_change, const Matrices& input_rate) {
         return without_gil([&] { return learn(model, reference, u, y, {error, input, input_change, input_rate}); });
-      },
-      nb::arg("model"), nb::arg("reference"), nb::arg("u"), nb::arg("y"), nb::arg("error"), nb::arg("input"),
-      nb::arg("input_change"), nb::arg("input_rate"));
+      });
 }
 
 }  // namespace

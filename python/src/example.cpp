@@ -16,7 +16,6 @@ void bind_example(nb::module_& module) {
         options.measurement_noise = measurement_noise;
         return with_noise(system, options);
       },
-      nb::arg("system"), nb::arg("process_noise"), nb::arg("measurement_noise"),
       nb::call_guard<nb::gil_scoped_release>());
   module.def(
       "experiments",
@@ -24,8 +23,6 @@ void bind_example(nb::module_& module) {
          Index free_responses, InitialState initial_state) {
         return experiments(system, {count, seed, process_noise, measurement_noise, free_responses, initial_state});
       },
-      nb::arg("system"), nb::arg("experiments"), nb::arg("seed"), nb::arg("process_noise"),
-      nb::arg("measurement_noise"), nb::arg("free_responses"), nb::arg("initial_state"),
       nb::call_guard<nb::gil_scoped_release>());
   module.def(
       "experiments_with",
@@ -35,8 +32,7 @@ void bind_example(nb::module_& module) {
         return experiments(system, inputs,
                            {count, seed, process_noise, measurement_noise, free_responses, initial_state});
       },
-      nb::arg("system"), nb::arg("inputs"), nb::arg("seed"), nb::arg("process_noise"), nb::arg("measurement_noise"),
-      nb::arg("free_responses"), nb::arg("initial_state"), nb::call_guard<nb::gil_scoped_release>());
+      nb::call_guard<nb::gil_scoped_release>());
 }
 
 }  // namespace tokid::python

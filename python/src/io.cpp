@@ -45,36 +45,23 @@ void bind_io(nb::module_& module) {
   module.def("is_model",
              [](const Path& path) { return without_gil([&] { return file_kind(path) == FileKind::model; }); });
   bind_read_options(module);
-  module.def(
-      "load_ensemble",
-      [](const std::vector<Path>& paths, const ReadOptions& options) {
-        return without_gil([&] { return load_ensemble(paths, options); });
-      },
-      nb::arg("paths"), nb::arg("options"));
-  module.def(
-      "time_unit",
-      [](const std::string& column) -> std::optional<std::pair<double, double>> {
-        const auto unit = io::time_unit(column);
-        return unit ? std::optional(std::pair(unit->seconds, unit->over)) : std::nullopt;
-      },
-      nb::arg("column"));
-  module.def(
-      "is_step_number", [](const std::string& column) { return io::is_step_number(column); }, nb::arg("column"));
-  module.def(
-      "remark_on_unused", [](const io::Names& columns) { return io::remark_on_unused(columns); }, nb::arg("columns"));
+  module.def("load_ensemble", [](const std::vector<Path>& paths, const ReadOptions& options) {
+    return without_gil([&] { return load_ensemble(paths, options); });
+  });
+  module.def("time_unit", [](const std::string& column) -> std::optional<std::pair<double, double>> {
+    const auto unit = io::time_unit(column);
+    return unit ? std::optional(std::pair(unit->seconds, unit->over)) : std::nullopt;
+  });
+  module.def("is_step_number", [](const std::string& column) { return io::is_step_number(column); });
+  module.def("remark_on_unused", [](const io::Names& columns) { return io::remark_on_unused(columns); });
   module.attr("rows_as_steps") = std::string(io::rows_as_steps);
-  module.def(
-      "load_model", [](const Path& path) { return without_gil([&] { return load_model(path); }); }, nb::arg("path"));
-  module.def(
-      "save_ensemble",
-      [](const Ensemble& data, const Path& path, bool mat73) {
-        without_gil([&] { save_ensemble(data, path, {mat73}); });
-      },
-      nb::arg("data"), nb::arg("path"), nb::arg("mat73"));
-  module.def(
-      "save_model",
-      [](const Model& model, const Path& path, bool mat73) { without_gil([&] { save_model(model, path, {mat73}); }); },
-      nb::arg("model"), nb::arg("path"), nb::arg("mat73"));
+  module.def("load_model", [](const Path& path) { return without_gil([&] { return load_model(path); }); });
+  module.def("save_ensemble", [](const Ensemble& data, const Path& path, bool mat73) {
+    without_gil([&] { save_ensemble(data, path, {mat73}); });
+  });
+  module.def("save_model", [](const Model& model, const Path& path, bool mat73) {
+    without_gil([&] { save_model(model, path, {mat73}); });
+  });
 }
 
 }  // namespace tokid::python

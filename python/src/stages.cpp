@@ -45,39 +45,37 @@ Result field(nb::handle value, const char* name) {
   return nb::cast<Result>(value.attr(name));
 }
 
-Stack stack_field(nb::handle value, const char* name) { return Stack(field<Numbers>(value, name)); }
+// The value of `member` at each step.
+template <class Step, class T>
+std::vector<T> each(const std::vector<Step>& steps, T Step::*member) {
+  std::vector<T> values;
+  for (const Step& step : steps) values.push_back(step.*member);
+  return values;
+}
 
-bool is_known(nb::handle value, const char* name) { return !value.attr(name).is_none(); }
-
-// The arrays of the dataclass GtvArx. Only the constructor needs the GIL: the arrays are read-only, and `value` keeps
-// them alive.
-class ArxFields {
- public:
-  explicit ArxFields(nb::handle value)
-      : coefficients_(stack_field(value, "coefficients")),
-        residual_cov_(stack_field(value, "residual_cov")),
-        output_rms_(field<Numbers>(value, "output_rms")),
-        lags_(field<Counts>(value, "lags")),
-        inputs_(field<Index>(value, "inputs")),
-        k_begin_(field<Index>(value, "k_begin")),
-        feedthrough_(field<bool>(value, "feedthrough")) {
-    if (is_known(value, "noise_shape")) noise_shape_.emplace(stack_field(value, "noise_shape"));
-    if (is_known(value, "rank")) rank_.emplace(field<Counts>(value, "rank"));
-    if (is_known(value, "condition")) condition_.emplace(field<Numbers>(value, "condition"));
-    if (is_known(value, "rows")) rows_.emplace(field<Counts>(value, "rows"));
-    if (is_known(value, "freedom")) freedom_.emplace(field<Counts>(value, "freedom"));
-  }
-
-  bool has_noise_shape() const { return noise_shape_.has_value(); }
+// The arrays of the dataclass GtvArx. Only reading the fields needs the GIL: the arrays are read-only, and `value`
+// keeps them alive.
+struct ArxFields {
+  nb::handle value;
+  Stack coefficients{field<Numbers>(value, "coefficients")}, residual_cov{field<Numbers>(value, "residual_cov")};
+  Numbers output_rms = field<Numbers>(value, "output_rms");
+  Counts lags = field<Counts>(value, "lags");
+  Index inputs = field<Index>(value, "inputs"), k_begin = field<Index>(value, "k_begin");
+  bool feedthrough = field<bool>(value, "feedthrough");
+  std::optional<Numbers> noise_shape = field<std::optional<Numbers>>(value, "noise_shape");
+  std::optional<Numbers> condition = field<std::optional<Numbers>>(value, "condition");
+  std::optional<Counts> rank = field<std::optional<Counts>>(value, "rank");
+  std::optional<Counts> rows = field<std::optional<Counts>>(value, "rows");
+  std::optional<Counts> freedom = field<std::optional<Counts>>(value, "freedom");
 
   // The checked regressions. If `shapes` is true and there are no noise shapes, they get shapes without columns: their
   // variances are zero.
-  GtvArx arx(bool shapes = false) const {
+  GtvArx regressions(bool shapes = false) const {
     GtvArx arx;
-    arx.feedthrough = feedthrough_;
-    const Index lags_max = *std::max_element(lags_.data(), lags_.data() + lags_.shape(0));
-    arx.resize(coefficients_.steps(), inputs_, coefficients_.rows(), lags_max, shapes || has_noise_shape());
-    arx.begin_at(k_begin_);
+    arx.feedthrough = feedthrough;
+    const Index lags_max = *std::max_element(lags.data(), lags.data() + lags.shape(0));
+    arx.resize(coefficients.steps(), inputs, coefficients.rows(), lags_max, shapes || noise_shape);
+    arx.begin_at(k_begin);
     for (Index k = arx.k_begin; k < arx.steps(); ++k) {
       checkpoint();
       write(arx, k, lags_max);
@@ -86,34 +84,33 @@ class ArxFields {
     return arx;
   }
 
- private:
   void write(GtvArx& arx, Index k, Index lags_max) const {
     const Index d = arx.inputs + arx.outputs;
     GtvArxStep& step = arx.step[size_t(k)];
-    step.lags = lags_.data()[k];
-    if (condition_) step.condition = condition_->data()[k];
-    if (rows_) step.rows = rows_->data()[k];
-    if (freedom_) step.freedom = freedom_->data()[k];
+    step.lags = lags.data()[k];
+    if (condition) step.condition = condition->data()[k];
+    if (rows) step.rows = rows->data()[k];
+    if (freedom) step.freedom = freedom->data()[k];
     const Index own = arx.regressors(k), before = (lags_max - step.lags) * d;
-    const auto all = coefficients_[k];
+    const auto all = coefficients[k];
     // Samples before step 0 are zero, and so their coefficients have no effect.
     const Index absent = std::max<Index>(0, lags_max - k) * d;
     check_zero(all.middleCols(absent, std::max<Index>(0, before - absent)), [&] {
       return fmt::format("coefficients: nonzero ones of older samples found at step {}, {} lags needed as in lags", k,
                          step.lags);
     });
-    if (!feedthrough_)
+    if (!feedthrough)
       check_zero(all.rightCols(arx.inputs), [&] {
         return fmt::format(
             "coefficients: nonzero ones of the inputs of step {} found, zeros needed without feedthrough", k);
       });
     arx.coefficients(k) = all.middleCols(before, own);
-    arx.residual_cov(k) = residual_cov_[k];
-    arx.output_rms(k) = Eigen::Map<const Vector>(output_rms_.data() + k * arx.outputs, arx.outputs);
-    if (noise_shape_)
-      write_shape(arx, k, (*noise_shape_)[k].middleRows(before, own));
-    else if (rank_ && !arx.has_noise_shape())
-      step.rank = rank_->data()[k];
+    arx.residual_cov(k) = residual_cov[k];
+    arx.output_rms(k) = Eigen::Map<const Vector>(output_rms.data() + k * arx.outputs, arx.outputs);
+    if (noise_shape)
+      write_shape(arx, k, Stack(*noise_shape)[k].middleRows(before, own));
+    else if (rank && !arx.has_noise_shape())
+      step.rank = rank->data()[k];
   }
 
   // Columns that the library does not store must be zero.
@@ -124,37 +121,19 @@ class ArxFields {
 
   template <class Shape>
   void write_shape(GtvArx& arx, Index k, const Shape& given) const {
-    if (!rank_) return set_noise_shape(arx, k, given);
-    const Index rank = rank_->data()[k], most = std::min<Index>(given.rows(), given.cols());
-    if (rank < 0 || rank > most)
-      throw std::invalid_argument(fmt::format("rank: {} found at step {}, 0 to {} needed", rank, k, most));
-    set_noise_shape(arx, k, given.leftCols(rank));
+    if (!rank) return set_noise_shape(arx, k, given);
+    const Index q = rank->data()[k], most = std::min<Index>(given.rows(), given.cols());
+    if (q < 0 || q > most)
+      throw std::invalid_argument(fmt::format("rank: {} found at step {}, 0 to {} needed", q, k, most));
+    set_noise_shape(arx, k, given.leftCols(q));
   }
-
-  Stack coefficients_, residual_cov_;
-  Numbers output_rms_;
-  Counts lags_;
-  Index inputs_, k_begin_;
-  bool feedthrough_;
-  std::optional<Stack> noise_shape_;
-  std::optional<Counts> rank_, rows_, freedom_;
-  std::optional<Numbers> condition_;
 };
 
 nb::dict fields_of(const GtvArx& arx) {
   const Index T = arx.steps(), m = arx.outputs, r = arx.inputs, d = r + m;
-  Index lags_max = 0, rank_max = 0;
-  std::vector<Index> lags, rows, freedom, rank;
-  std::vector<double> condition;
-  for (const GtvArxStep& step : arx.step) {
-    lags_max = std::max(lags_max, step.lags);
-    rank_max = std::max(rank_max, step.rank);
-    lags.push_back(step.lags);
-    rows.push_back(step.rows);
-    freedom.push_back(step.freedom);
-    rank.push_back(step.rank);
-    condition.push_back(step.condition);
-  }
+  const std::vector<Index> lags = each(arx.step, &GtvArxStep::lags), rank = each(arx.step, &GtvArxStep::rank);
+  const Index lags_max = *std::max_element(lags.begin(), lags.end());
+  const Index rank_max = *std::max_element(rank.begin(), rank.end());
   // Column j of the arrays is this column of the regression of step k, which may have fewer lags.
   const auto own = [&](Index k, Index j) { return j - (lags_max - arx.step[size_t(k)].lags) * d; };
   const auto coefficient = [&](Index k, Index i, Index j) {
@@ -177,9 +156,9 @@ nb::dict fields_of(const GtvArx& arx) {
        {"feedthrough", arx.feedthrough},
        {"k_begin", arx.k_begin},
        {"rank", rank},
-       {"condition", condition},
-       {"rows", rows},
-       {"freedom", freedom}});
+       {"condition", each(arx.step, &GtvArxStep::condition)},
+       {"rows", each(arx.step, &GtvArxStep::rows)},
+       {"freedom", each(arx.step, &GtvArxStep::freedom)}});
 }
 
 nb::dict fields_of(const Markov& h, bool variances) {
@@ -197,57 +176,40 @@ nb::dict fields_of(const Markov& h, bool variances) {
        {"i_begin", h.i_begin}});
 }
 
-// The arrays of the dataclass Markov. As in ArxFields, only the constructor needs the GIL.
-class MarkovFields {
- public:
-  explicit MarkovFields(nb::handle value)
-      : system_(field<Numbers>(value, "system")),
-        gain_(field<Numbers>(value, "gain")),
-        D_(stack_field(value, "D")),
-        i_begin_(field<Index>(value, "i_begin")) {
-    if (is_known(value, "system_noise")) noise_.emplace(field<Numbers>(value, "system_noise"));
-  }
+// The arrays of the dataclass Markov. As in ArxFields, only reading the fields needs the GIL.
+struct MarkovFields {
+  nb::handle value;
+  Numbers system = field<Numbers>(value, "system"), gain = field<Numbers>(value, "gain");
+  Stack D{field<Numbers>(value, "D")};
+  Index i_begin = field<Index>(value, "i_begin");
+  std::optional<Numbers> noise = field<std::optional<Numbers>>(value, "system_noise");
 
   // The checked Markov parameters, without those before i_begin.
   Markov markov() const {
-    const Index T = Index(system_.shape(0)), band = Index(system_.shape(1)), m = Index(system_.shape(2)),
-                r = Index(system_.shape(3));
-    Markov h(T, r, m, band, i_begin_);
+    const Index T = D.steps(), band = Index(system.shape(1)), m = D.rows(), r = D.cols();
+    Markov h(T, r, m, band, i_begin);
     const auto block = [&](const Numbers& numbers, Index k, Index i, Index cols) {
       return Eigen::Map<const RowMajor>(numbers.data() + (k * band + k - i - 1) * m * cols, m, cols);
     };
     for (Index k = h.i_begin; k < T; ++k) {
       checkpoint();
-      h.D(k) = D_[k];
+      h.D(k) = D[k];
       for (Index i = std::max(h.i_begin, k - band); i < k; ++i) {
-        h.h(k, i) = block(system_, k, i, r);
-        h.h_gain(k, i) = block(gain_, k, i, m);
-        if (noise_) h.h_noise(k, i) = block(*noise_, k, i, r);
+        h.h(k, i) = block(system, k, i, r);
+        h.h_gain(k, i) = block(gain, k, i, m);
+        if (noise) h.h_noise(k, i) = block(*noise, k, i, r);
       }
     }
     check(h);
     return h;
   }
-
- private:
-  Numbers system_, gain_;
-  Stack D_;
-  Index i_begin_;
-  std::optional<Numbers> noise_;
 };
 
 nb::dict fields_of(const HankelFactors& s, const TveraOptions& options) {
-  std::vector<Matrix> u;
-  std::vector<Vector> singular_values;
-  std::vector<double> scale, error;
-  for (const HankelFactor& factor : s.step) {
-    u.push_back(factor.u);
-    singular_values.push_back(factor.singular_values);
-    scale.push_back(factor.scale);
-    error.push_back(factor.error);
-  }
-  return dict_of({Field("u", u), Field("singular_values", singular_values), Field("scale", scale),
-                  Field("error", error), FIELD(rows), FIELD(cols), FIELD(k_begin),
+  return dict_of({Field("u", each(s.step, &HankelFactor::u)),
+                  Field("singular_values", each(s.step, &HankelFactor::singular_values)),
+                  Field("scale", each(s.step, &HankelFactor::scale)),
+                  Field("error", each(s.step, &HankelFactor::error)), FIELD(rows), FIELD(cols), FIELD(k_begin),
                   Field("output_size", options.output_size), Field("input_size", options.input_size)});
 }
 
@@ -295,7 +257,7 @@ nb::dict regressed_together(const Ensemble& data, Index lags, double smoothing, 
 
 nb::dict factorised(nb::handle parameters, Index rows, Index cols, const std::optional<AnyArray>& free_y,
                     const std::optional<Vector>& output_size, const std::optional<Vector>& input_size, int threads) {
-  const MarkovFields given(parameters);
+  const MarkovFields given{parameters};
   TveraOptions options;
   options.rows = rows;
   options.cols = cols;
@@ -307,7 +269,7 @@ nb::dict factorised(nb::handle parameters, Index rows, Index cols, const std::op
 }
 
 Model realised(nb::handle parameters, nb::handle value, Index states, double noise_factor, int threads) {
-  const MarkovFields given(parameters);
+  const MarkovFields given{parameters};
   const HankelFactors factors = factors_of(value);
   TveraOptions options;
   options.rows = factors.rows;
@@ -325,11 +287,11 @@ Model realised(nb::handle parameters, nb::handle value, Index states, double noi
 }
 
 Model with_regressions(const Model& model, const Ensemble& data, nb::handle value) {
-  const ArxFields given(value);
+  const ArxFields given{value};
   Plan plan;
   plan.initial_state = initial_state_of(data);
   return without_gil([&] {
-    const GtvArx arx = given.arx();
+    const GtvArx arx = given.regressions();
     return noted(completed(model, data, arx, plan), data, arx.feedthrough);
   });
 }
@@ -337,7 +299,7 @@ Model with_regressions(const Model& model, const Ensemble& data, nb::handle valu
 Model subspace_model(const Ensemble& data, nb::handle value, Index states, Index future, Weighting weighting,
                      double smoothing, Index period, double state_smoothing,
                      const std::optional<Vector>& output_weights, bool noisy, int threads) {
-  const ArxFields given(value);
+  const ArxFields given{value};
   SubspaceOptions options;
   options.states = states;
   options.future = future;
@@ -348,7 +310,7 @@ Model subspace_model(const Ensemble& data, nb::handle value, Index states, Index
   options.noisy = noisy;
   options.execution.threads = threads;
   return without_gil([&] {
-    const GtvArx arx = given.arx();
+    const GtvArx arx = given.regressions();
     return noted(from_known_state(subspace(data, arx, options), initial_state_of(data)), data, arx.feedthrough);
   });
 }
@@ -388,10 +350,8 @@ void bind_regressions(nb::module_& module) {
              [](const Ensemble& data) { return without_gil([&] { return content_order(data); }); });
   module.def("stage_channel_sizes",
              [](const Ensemble& data) { return without_gil([&] { return Windows(data).channel_sizes(); }); });
-  module.def("stage_gtv_arx", &regressed_each, nb::arg("data"), nb::arg("lags"), nb::arg("feedthrough"),
-             nb::arg("tolerance"), nb::arg("noise_shape"), nb::arg("spent"), nb::arg("threads"));
-  module.def("stage_smooth_arx", &regressed_together, nb::arg("data"), nb::arg("lags"), nb::arg("smoothing"),
-             nb::arg("period"), nb::arg("feedthrough"), nb::arg("threads"));
+  module.def("stage_gtv_arx", &regressed_each);
+  module.def("stage_smooth_arx", &regressed_together);
 }
 
 void bind_realisations(nb::module_& module) {
@@ -400,20 +360,16 @@ void bind_realisations(nb::module_& module) {
       .value("many_steps", Weighting::many_steps)
       .value("projection", Weighting::projection);
   module.def("stage_markov", [](nb::handle value, Index band, int threads) {
-    const ArxFields given(value);
+    const ArxFields given{value};
     return fields_of(without_gil([&] {
-                       return markov(given.arx(true), band, {threads, {}});
+                       return markov(given.regressions(true), band, {threads, {}});
                      }),
-                     given.has_noise_shape());
+                     given.noise_shape.has_value());
   });
-  module.def("stage_hankel_factors", &factorised, nb::arg("markov"), nb::arg("rows"), nb::arg("cols"),
-             nb::arg("free_y").none(), nb::arg("output_size").none(), nb::arg("input_size").none(), nb::arg("threads"));
-  module.def("stage_realise", &realised, nb::arg("markov"), nb::arg("factors"), nb::arg("states"),
-             nb::arg("noise_factor"), nb::arg("threads"));
-  module.def("stage_completed", &with_regressions, nb::arg("model"), nb::arg("data"), nb::arg("arx"));
-  module.def("stage_subspace", &subspace_model, nb::arg("data"), nb::arg("arx"), nb::arg("states"), nb::arg("future"),
-             nb::arg("weighting"), nb::arg("smoothing"), nb::arg("period"), nb::arg("state_smoothing"),
-             nb::arg("output_weights").none(), nb::arg("noisy"), nb::arg("threads"));
+  module.def("stage_hankel_factors", &factorised);
+  module.def("stage_realise", &realised);
+  module.def("stage_completed", &with_regressions);
+  module.def("stage_subspace", &subspace_model);
   module.def("stage_with_nominal", [](Model model, Matrix u, Matrix y) {
     model.u_nominal = std::move(u);
     model.y_nominal = std::move(y);
@@ -427,10 +383,7 @@ void bind_realisations(nb::module_& module) {
 void bind_stages(nb::module_& module) {
   bind_regressions(module);
   bind_realisations(module);
-  module.def("stage_refine", &refined_by_em, nb::arg("model"), nb::arg("data"), nb::arg("smoothing"),
-             nb::arg("period").none(), nb::arg("iterations"), nb::arg("tolerance"), nb::arg("feedthrough"),
-             nb::arg("jumps"), nb::arg("estimate_matrices"), nb::arg("accelerate"), nb::arg("warm_up"),
-             nb::arg("threads"));
+  module.def("stage_refine", &refined_by_em);
 }
 
 }  // namespace tokid::python
