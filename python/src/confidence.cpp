@@ -115,7 +115,7 @@ void bind_confidence(nb::module_& module) {
           [](const Confidence& bounds, const std::filesystem::path& path, bool mat73) {
             save_confidence(bounds, path, {mat73});
           },
-          nb::arg("path"), nb::arg("mat73"), nb::call_guard<nb::gil_scoped_release>());
+          nb::arg("path"), nb::arg("mat73"), no_gil);
   module.def("confidence", &bounds_of, nb::arg("model"), nb::arg("data"), nb::kw_only(), nb::arg("level"),
              nb::arg("replicates"), nb::arg("seed"), nb::arg("band"), nb::arg("reference_step"), nb::arg("threads"),
              nb::arg("listener").none());

@@ -63,7 +63,7 @@ void bind_ensemble(nb::module_& module) {
                                 unset ? Ensemble::Samples::unset : Ensemble::Samples::missing);
           },
           nb::arg("experiments"), nb::arg("steps"), nb::arg("inputs"), nb::arg("outputs"), nb::arg("dt"),
-          nb::arg("unset") = false, nb::call_guard<nb::gil_scoped_release>())
+          nb::arg("unset") = false, no_gil)
       .def_prop_ro("experiments", &Ensemble::experiments)
       .def_prop_ro("steps", &Ensemble::steps)
       .def_prop_ro("inputs", &Ensemble::inputs)
@@ -72,15 +72,14 @@ void bind_ensemble(nb::module_& module) {
       .def_rw("dt_stated", &Ensemble::dt_stated)
       .def_rw("reader_remarks", &Ensemble::remarks)
       .def(
-          "remarks", [](const Ensemble& e) { return in_python(in_words(remarks(e))); },
-          nb::call_guard<nb::gil_scoped_release>())
+          "remarks", [](const Ensemble& e) { return in_python(in_words(remarks(e))); }, no_gil)
       .def(
           "swapped_axes",
           [](const Ensemble& e) -> std::optional<std::string> {
             const std::optional<Finding> found = swapped_axes(e);
             return found ? std::optional(in_python(in_words(*found))) : std::nullopt;
           },
-          nb::call_guard<nb::gil_scoped_release>())
+          no_gil)
       .def_prop_rw(
           "length", [](const Ensemble& e) { return e.length; },
           [](Ensemble& e, std::vector<Index> length) { set_length(e, std::move(length)); })
@@ -104,33 +103,26 @@ void bind_ensemble(nb::module_& module) {
              return samples_view(e, e.inputs(), e.outputs(), self);
            })
       .def("outputs_copied", &outputs_of)
-      .def("missing", &missing_samples, nb::call_guard<nb::gil_scoped_release>())
-      .def("check", &Ensemble::check, nb::arg("outputs_needed") = true, nb::call_guard<nb::gil_scoped_release>())
-      .def("subset", &Ensemble::subset, nb::call_guard<nb::gil_scoped_release>())
-      .def(
-          "stretch", [](const Ensemble& e, Index begin, Index end) { return stretch(e, begin, end); },
-          nb::call_guard<nb::gil_scoped_release>())
-      .def(
-          "cut", [](const Ensemble& e, Index length) { return cut(e, length); },
-          nb::call_guard<nb::gil_scoped_release>())
+      .def("missing", &missing_samples, no_gil)
+      .def("check", &Ensemble::check, nb::arg("outputs_needed") = true, no_gil)
+      .def("subset", &Ensemble::subset, no_gil)
+      .def("stretch", nb::overload_cast<const Ensemble&, Index, Index>(&stretch), no_gil)
+      .def("cut", nb::overload_cast<const Ensemble&, Index>(&cut), no_gil)
       .def("split",
            [](const Ensemble& e, double fraction, Index period) {
              Split parts = without_gil([&] { return split(e, fraction, period); });
              return std::pair(std::move(parts.training), std::move(parts.held_out));
            })
       .def(
-          "fingerprint", [](const Ensemble& e) { return fingerprint(e); }, nb::call_guard<nb::gil_scoped_release>())
-      .def(
-          "channel_summary", [](const Ensemble& e, Index c) { return channel_summary(e, c); },
-          nb::call_guard<nb::gil_scoped_release>())
+          "fingerprint", [](const Ensemble& e) { return fingerprint(e); }, no_gil)
+      .def("channel_summary", &channel_summary, no_gil)
       .def("nominal",
            [](const Ensemble& e) {
              Nominal nominal = without_gil([&] { return nominal_trajectory(e); });
              return std::pair(std::move(nominal.u), std::move(nominal.y));
            })
       .def(
-          "departures", [](const Ensemble& e) { return departures(e, nominal_trajectory(e)); },
-          nb::call_guard<nb::gil_scoped_release>());
+          "departures", [](const Ensemble& e) { return departures(e, nominal_trajectory(e)); }, no_gil);
 }
 
 }  // namespace tokid::python

@@ -16,14 +16,14 @@ void bind_example(nb::module_& module) {
         options.measurement_noise = measurement_noise;
         return with_noise(system, options);
       },
-      nb::call_guard<nb::gil_scoped_release>());
+      no_gil);
   module.def(
       "experiments",
       [](const Model& system, Index count, std::uint64_t seed, double process_noise, double measurement_noise,
          Index free_responses, InitialState initial_state) {
         return experiments(system, {count, seed, process_noise, measurement_noise, free_responses, initial_state});
       },
-      nb::call_guard<nb::gil_scoped_release>());
+      no_gil);
   module.def(
       "experiments_with",
       [](const Model& system, const Ensemble& inputs, std::uint64_t seed, double process_noise,
@@ -32,7 +32,7 @@ void bind_example(nb::module_& module) {
         return experiments(system, inputs,
                            {count, seed, process_noise, measurement_noise, free_responses, initial_state});
       },
-      nb::call_guard<nb::gil_scoped_release>());
+      no_gil);
 }
 
 }  // namespace tokid::python

@@ -45,11 +45,13 @@ std::optional<Verdict> judged(const Identification& found, const Ensemble& data,
 // Returns (model, evidence, verdict or None, state or None). The page is written last, so that no page is written if
 // something fails before.
 nb::tuple identified(const Ensemble& data, IdentifyOptions options, int threads, nb::object listener, bool keep_state,
-                     const std::optional<std::filesystem::path>& page, const ReportOptions& page_options,
-                     const nb::object& on_model) {
+                     const std::optional<std::filesystem::path>& page, const nb::object& on_model) {
   Call call(std::move(listener));
   options.execution = call.execution(threads);
   if (keep_state && !options.delays) options.delays.emplace();  // a state can't contain dead times
+  ReportOptions page_options;
+  page_options.model_name = "model";
+  page_options.data_name = "data";
   OnModel first;
   if (!on_model.is_none()) first = [&](Model model) { call.ask([&] { on_model(nb::cast(std::move(model))); }); };
   auto [result, judged_as, state] = call.run([&] {
@@ -174,8 +176,7 @@ void bind_identify(nb::module_& module) {
   });
 
   module.def("identify", &identified, nb::arg("data"), nb::arg("options"), nb::arg("threads"),
-             nb::arg("listener").none(), nb::arg("keep_state") = false, nb::arg("page").none() = nb::none(),
-             nb::arg("page_options") = ReportOptions(), nb::arg("on_model").none() = nb::none());
+             nb::arg("listener").none(), nb::arg("keep_state"), nb::arg("page").none(), nb::arg("on_model").none());
   module.def(
       "identify_stream",
       [](const std::filesystem::path& from, const std::filesystem::path& to, IdentifyOptions identify, Index block,

@@ -156,7 +156,7 @@ void bind_model(nb::module_& module) {
       .def("set_matrices", &set_matrices)
       .def("set_stack", &set_stack)
       .def(
-          "copy", [](const Model& model) { return Model(model); }, nb::call_guard<nb::gil_scoped_release>())
+          "copy", [](const Model& model) { return Model(model); }, no_gil)
       .def("singular_values",
            [](nb::handle self, size_t s) {
              const Model& model = nb::cast<const Model&>(self);
@@ -203,53 +203,43 @@ void bind_model(nb::module_& module) {
       .def_prop_ro("full_begin", &Model::full_begin)
       .def_prop_ro("full_end", &Model::full_end)
       .def("check", &Model::check)
-      .def(
-          "simulate",
-          [](const Model& model, const Ensemble& inputs, const std::optional<Matrix>& x0) {
-            return without_gil([&] { return simulate(model, inputs, x0.value_or(Matrix())); });
-          },
-          nb::arg("inputs"), nb::arg("x0").none())
-      .def(
-          "simulate_data",
-          [](const Model& model, const Ensemble& data, std::optional<InitialState> initial_state) {
-            return without_gil([&] { return simulate_data(model, data, initial_state); });
-          },
-          nb::arg("data"), nb::arg("initial_state").none())
+      .def("simulate",
+           [](const Model& model, const Ensemble& inputs, const std::optional<Matrix>& x0) {
+             return without_gil([&] { return simulate(model, inputs, x0.value_or(Matrix())); });
+           })
+      .def("simulate_data",
+           [](const Model& model, const Ensemble& data, std::optional<InitialState> initial_state) {
+             return without_gil([&] { return simulate_data(model, data, initial_state); });
+           })
       .def(
           "simulation_remarks",
           [](const Model& model, const Ensemble& inputs, const Ensemble& simulated, bool estimate) {
             return in_python(in_words(simulation_remarks(model, inputs, simulated, estimate)));
           },
-          nb::arg("inputs"), nb::arg("simulated"), nb::arg("estimate"), nb::call_guard<nb::gil_scoped_release>())
-      .def(
-          "predict",
-          [](const Model& model, const Ensemble& data, Index horizon, std::optional<InitialState> initial_state,
-             bool initial_estimate) {
-            const PredictOptions options{horizon, initial_state, initial_estimate};
-            return without_gil([&] { return predict(model, data, options).y; });
-          },
-          nb::arg("data"), nb::arg("horizon"), nb::arg("initial_state").none(), nb::arg("initial_estimate"))
+          no_gil)
+      .def("predict",
+           [](const Model& model, const Ensemble& data, Index horizon, std::optional<InitialState> initial_state,
+              bool initial_estimate) {
+             const PredictOptions options{horizon, initial_state, initial_estimate};
+             return without_gil([&] { return predict(model, data, options).y; });
+           })
       .def(
           "prediction_remarks",
           [](const Model& model, const Ensemble& data, const Ensemble& predicted) {
             return in_python(in_words(prediction_remarks(model, data, predicted)));
           },
-          nb::arg("data"), nb::arg("predicted"), nb::call_guard<nb::gil_scoped_release>())
-      .def(
-          "innovations",
-          [](const Model& model, const Ensemble& data, std::optional<InitialState> initial_state) {
-            const auto found = without_gil([&] { return model_innovations(model, data, initial_state); });
-            const auto entry = [&](Index n, Index k, Index j) { return found[size_t(k)](n, j); };
-            return array_of_entries(entry, data.experiments(), found.size(), data.outputs());
-          },
-          nb::arg("data"), nb::arg("initial_state").none())
+          no_gil)
+      .def("innovations",
+           [](const Model& model, const Ensemble& data, std::optional<InitialState> initial_state) {
+             const auto found = without_gil([&] { return model_innovations(model, data, initial_state); });
+             const auto entry = [&](Index n, Index k, Index j) { return found[size_t(k)](n, j); };
+             return array_of_entries(entry, data.experiments(), found.size(), data.outputs());
+           })
       .def("estimate_state",
            [](const Model& model, const Ensemble& data, Index k, Index window) {
              return without_gil([&] { return estimate_state(model, data, k, window); });
            })
       .def("estimation_window", &estimation_window)
-      .def("differences",
-           [](const Model& model, const Ensemble& data) { return in_python(in_words(differences(model, data))); })
       .def("in_order",
            [](const Model& model, const Ensemble& data) {
              return without_gil([&] { return in_order(data, complete(model.names, model.inputs, model.outputs)); });

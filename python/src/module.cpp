@@ -44,17 +44,8 @@ NB_MODULE(_tokid, module) {
   });
   module.def("in_python", [](std::string text) { return python::in_python(std::move(text)); });
 
-  python::bind_ensemble(module);
-  python::bind_model(module);
-  python::bind_io(module);
-  python::bind_example(module);
-  python::bind_report(module);
-  python::bind_update(module);
-  python::bind_identify(module);
-  python::bind_validate(module);
-  python::bind_confidence(module);
-  python::bind_modes(module);
-  python::bind_plan(module);
-  python::bind_control(module);
-  python::bind_stages(module);
+  using namespace python;
+  for (const auto bind : {bind_ensemble, bind_model, bind_io, bind_example, bind_report, bind_update, bind_identify,
+                          bind_validate, bind_confidence, bind_modes, bind_plan, bind_control, bind_stages})
+    bind(module);
 }

@@ -24,10 +24,10 @@ nb::tuple planned(const Model* model, PlanOptions options, int threads, nb::obje
 
 void bind_plan(nb::module_& module) {
   nb::enum_<InputKind>(module, "InputKind")
+      .value("orthogonal", InputKind::orthogonal)
       .value("gaussian", InputKind::gaussian)
       .value("binary", InputKind::binary)
       .value("multisine", InputKind::multisine)
-      .value("orthogonal", InputKind::orthogonal)
       .value("optimised", InputKind::optimised);
   nb::class_<PlanOptions> options(module, "PlanOptions", "The options of a plan, as the library has them.");
   def_channels(options);

@@ -26,6 +26,9 @@ namespace nb = nanobind;
 // An object that has the type typing.Any in the stubs.
 inline nb::any any(nb::object object) { return nb::steal<nb::any>(object.release()); }
 
+// Functions with it do not hold the GIL.
+inline constexpr nb::call_guard<nb::gil_scoped_release> no_gil;
+
 // The properties with the names and units of the channels.
 template <class Class>
 void def_channels(nb::class_<Class>& type) {

@@ -67,8 +67,7 @@ void bind_report(nb::module_& module) {
       .def_rw("initial_state", &ReportOptions::initial_state, nb::for_setter(nb::arg().none()))
       .def_rw("experiments", &ReportOptions::experiments)
       .def_rw("compare", &ReportOptions::compare)
-      .def_rw("at", &ReportOptions::at)
-      .def_rw("points", &ReportOptions::points);
+      .def_rw("at", &ReportOptions::at);
   module.def("report", &reported, nb::arg("model"), nb::arg("data"), nb::arg("path").none(), nb::arg("options"),
              nb::arg("identified").none(), nb::arg("threads"));
   module.def("paper", &paper, nb::arg("directory").none(), nb::arg("seed"), nb::arg("threads"),

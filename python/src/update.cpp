@@ -26,7 +26,7 @@ nb::tuple identified(const UpdateState& state, int threads, nb::object listener)
 void bind_update(nb::module_& module) {
   nb::class_<UpdateState>(module, "UpdateState", "The state of the library; tokid.UpdateState is what users see of it.")
       .def(
-          "copy", [](const UpdateState& state) { return UpdateState(state); }, nb::call_guard<nb::gil_scoped_release>())
+          "copy", [](const UpdateState& state) { return UpdateState(state); }, no_gil)
       .def("identify", &identified, nb::kw_only(), nb::arg("threads"), nb::arg("listener").none())
       // Adds experiments, and evaluates the model before the update on them. If it throws, the state must not be used
       // any more.
@@ -52,11 +52,9 @@ void bind_update(nb::module_& module) {
           nb::arg("before"), nb::arg("files"), nb::kw_only(), nb::arg("inputs"), nb::arg("outputs"), nb::arg("threads"),
           nb::arg("listener").none())
       .def(
-          "save", [](const UpdateState& state, const Path& path) { save_update_state(state, path); },
-          nb::call_guard<nb::gil_scoped_release>())
+          "save", [](const UpdateState& state, const Path& path) { save_update_state(state, path); }, no_gil)
       .def(
-          "save_held", [](const UpdateState& state, FileLock& held) { save_update_state(state, held); },
-          nb::call_guard<nb::gil_scoped_release>())
+          "save_held", [](const UpdateState& state, FileLock& held) { save_update_state(state, held); }, no_gil)
       .def_prop_ro("experiments", [](const UpdateState& s) { return s.factors.experiments; })
       .def_prop_ro("steps", [](const UpdateState& s) { return s.factors.steps(); })
       .def_prop_ro("inputs", [](const UpdateState& s) { return s.factors.inputs; })
@@ -76,7 +74,7 @@ void bind_update(nb::module_& module) {
             return call.run([&] { return FileLock(file, options); });
           },
           nb::arg("file"), nb::kw_only(), nb::arg("limit"), nb::arg("waits"));
-  module.def("load_update_state", &load_update_state, nb::arg("path"), nb::call_guard<nb::gil_scoped_release>());
+  module.def("load_update_state", &load_update_state, nb::arg("path"), no_gil);
 }
 
 }  // namespace tokid::python

@@ -14,33 +14,22 @@ from ._typing import Array
 if TYPE_CHECKING:
     from matplotlib.axes import Axes  # type: ignore[import-not-found, unused-ignore]
 
-# The colours of src/report/assets/page.css
-COLOURS = {
-    "surface": "#ffffff",
-    "measured": "#333d49",
-    "blue": "#0072b2",
-    "orange": "#d05a00",
-    "green": "#008a63",
-    "purple": "#8a4fb5",
-    "pink": "#c0568f",
-    "sky": "#2f9bd6",
-    "yellow": "#a98600",
-    "faint": "#88939f",
-    "muted": "#56616f",
+# The colours of src/report/assets/page.css, of the light and the dark page
+_BOTH = {
+    "surface": ("#ffffff", "#191f27"),
+    "measured": ("#333d49", "#d5dce5"),
+    "blue": ("#0072b2", "#56b4e9"),
+    "orange": ("#d05a00", "#f5964b"),
+    "green": ("#008a63", "#3fc79a"),
+    "purple": ("#8a4fb5", "#c29be6"),
+    "pink": ("#c0568f", "#ec94c0"),
+    "sky": ("#2f9bd6", "#9ad7f7"),
+    "yellow": ("#a98600", "#ead35b"),
+    "faint": ("#88939f", "#697686"),
+    "muted": ("#56616f", "#9fabba"),
 }
-DARK_COLOURS = {
-    "surface": "#191f27",
-    "measured": "#d5dce5",
-    "blue": "#56b4e9",
-    "orange": "#f5964b",
-    "green": "#3fc79a",
-    "purple": "#c29be6",
-    "pink": "#ec94c0",
-    "sky": "#9ad7f7",
-    "yellow": "#ead35b",
-    "faint": "#697686",
-    "muted": "#9fabba",
-}
+COLOURS = {name: light for name, (light, _) in _BOTH.items()}
+DARK_COLOURS = {name: dark for name, (_, dark) in _BOTH.items()}
 PALETTE = ("blue", "orange", "green", "purple", "pink", "sky", "yellow", "measured")
 DASHES: tuple[Any, ...] = ("-", (0, (5, 3)), (0, (1.5, 2)), (0, (7, 2.5, 1.5, 2.5)))
 

@@ -180,7 +180,6 @@ def identify(
             listening,
             _options.switch("keep_state", keep_state),
             report,
-            _options.page("model", "data", 10, 24),
             None if on_model is None else lambda first: on_model(Model._of(first)),
         )
     evidence = replace(evidence, validation=_named(evidence.validation, core), verdict=verdict)

@@ -9,6 +9,7 @@ from typing import Any, Optional
 import numpy as np
 
 from . import _arrays, _options, _tokid
+from ._held import Held
 from ._optional import need
 from ._state_space import StateSpace
 from ._typing import Array, ArrayLike
@@ -39,15 +40,8 @@ class LiftedMap:
         self._core = _tokid.LiftedMap(model._core, _options.step("begin", begin), _options.step("end", end))
         return self
 
-    @property
-    def begin(self) -> int:
-        """First step."""
-        return self._core.begin
-
-    @property
-    def steps(self) -> int:
-        """Number of steps S."""
-        return self._core.steps
+    begin = Held[int]("First step.")
+    steps = Held[int]("Number of steps S.")
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -107,7 +101,28 @@ def learn(
     part = slice(model.k_begin, steps if model.period else min(steps, model.k_end))  # steps with a model
     if np.all(found.u[part] >= limits[0][part]) and np.all(found.u[part] <= limits[1][part]):
         return found
-    return _limited(model, wanted, last[0], last[1], costs, limits, part)
+
+    # The inputs exceed the limits.
+    before, measured = (np.array(values, dtype=np.float64) for values in last)
+    count = part.stop - part.start
+    nominal = np.zeros((part.stop, model.inputs))
+    known = np.asarray(model._core.continued(part.stop).u_nominal)[: part.stop]
+    if known.size:
+        nominal[: len(known)] = known
+    change = _limited_change(
+        model,
+        part.start,
+        (wanted - measured)[part],
+        before[part] - nominal[part],
+        before[part.start - 1] - nominal[part.start - 1] if part.start > 0 else np.zeros(model.inputs),
+        (limits[0][part] - before[part], limits[1][part] - before[part]),
+        costs,
+    )
+    following, predicted = before.copy(), measured.copy()
+    following[part] = np.clip(before[part] + change, limits[0][part], limits[1][part])
+    lifted = LiftedMap._of(model, part.start, part.start + count)
+    predicted[part] += lifted.product(following[part] - before[part])
+    return LearnedRun(following, predicted, _rms(wanted - measured), _rms(wanted - predicted))
 
 
 def _limit(name: str, value: Optional[ArrayLike], default: float, shape: tuple[int, int]) -> Any:
@@ -117,32 +132,6 @@ def _limit(name: str, value: Optional[ArrayLike], default: float, shape: tuple[i
         return np.array(np.broadcast_to(_arrays.numbers(name, value), shape), dtype=np.float64)
     except ValueError:
         raise ValueError(f"{name}: shape {np.shape(value)} found, a number, ({shape[1]},) or {shape} needed") from None
-
-
-def _limited(
-    model: StateSpace, wanted: Any, u: Any, y: Any, costs: list[list[Any]], limits: list[Any], part: slice
-) -> LearnedRun:
-    """The next run with limits of the inputs."""
-    u, y = np.array(u, dtype=np.float64), np.array(y, dtype=np.float64)
-    count = part.stop - part.start
-    nominal = np.zeros((part.stop, model.inputs))
-    known = np.asarray(model._core.continued(part.stop).u_nominal)[: part.stop]
-    if known.size:
-        nominal[: len(known)] = known
-    change = _limited_change(
-        model,
-        part.start,
-        (wanted - y)[part],
-        u[part] - nominal[part],
-        u[part.start - 1] - nominal[part.start - 1] if part.start > 0 else np.zeros(model.inputs),
-        (limits[0][part] - u[part], limits[1][part] - u[part]),
-        costs,
-    )
-    following, predicted = u.copy(), y.copy()
-    following[part] = np.clip(u[part] + change, limits[0][part], limits[1][part])
-    lifted = LiftedMap._of(model, part.start, part.start + count)
-    predicted[part] += lifted.product(following[part] - u[part])
-    return LearnedRun(following, predicted, _rms(wanted - y), _rms(wanted - predicted))
 
 
 def _rms(error: Any) -> Array:

@@ -847,7 +847,11 @@ class Model(StateSpace):
         if path is None and isinstance(y, (str, os.PathLike)):
             y, path = None, y
         data, _ = self._data(u, y, outputs=True)
-        options = _options.page(model_name, data_name, horizon, experiments)
+        options = _tokid.ReportOptions()
+        options.model_name = model_name
+        options.data_name = data_name
+        options.horizon = _options.integer("horizon", horizon, 1, 1_000_000)
+        options.experiments = _options.integer("experiments", experiments, 1, 1000)
         options.initial_state = _options.initial_state(initial_state)
         options.first_step = _options.integer("first_step", first_step, 0)
         options.compare = [_tokid.NamedModel(str(name), other._core) for name, other in (compare or {}).items()]

@@ -15,9 +15,6 @@ from . import _tokid
 
 T = TypeVar("T")
 
-_INITIAL_STATES = {"zero": _tokid.InitialState.zero, "unknown": _tokid.InitialState.unknown}
-
-
 def choice(name: str, value: Any, choices: Mapping[str, T]) -> T:
     """The value of one of several words."""
     if isinstance(value, str) and value in choices:
@@ -105,12 +102,12 @@ def step(name: str, value: Any) -> int:
 
 def initial_state(value: Any) -> Optional[_tokid.InitialState]:
     """The stated initial state; None for "auto"."""
-    return choice("initial_state", value, {"auto": None, **_INITIAL_STATES})
+    return choice("initial_state", value, {"auto": None, **_tokid.InitialState.__members__})
 
 
 def known_initial_state(value: Any) -> _tokid.InitialState:
     """The stated initial state, "zero" or "unknown"."""
-    return choice("initial_state", value, _INITIAL_STATES)
+    return choice("initial_state", value, _tokid.InitialState.__members__)
 
 
 def threads(value: Any) -> int:
@@ -127,13 +124,3 @@ def cross_validation(folds: Any, horizon: Any, seed: Any, first_step: Any, proce
         "first_step": integer("first_step", first_step, 0),
         "threads": threads(processors),
     }
-
-
-def page(model_name: str, data_name: str, horizon: Any, experiments: Any) -> _tokid.ReportOptions:
-    """The options of a report page."""
-    options = _tokid.ReportOptions()
-    options.model_name = model_name
-    options.data_name = data_name
-    options.horizon = integer("horizon", horizon, 1, 1_000_000)
-    options.experiments = integer("experiments", experiments, 1, 1000)
-    return options

@@ -17,16 +17,6 @@ from ._samples import one_or_more
 from ._typing import Progress
 from .results import Plan
 
-_KINDS = {
-    "auto": None,
-    "orthogonal": _tokid.InputKind.orthogonal,
-    "gaussian": _tokid.InputKind.gaussian,
-    "binary": _tokid.InputKind.binary,
-    "multisine": _tokid.InputKind.multisine,
-    "optimised": _tokid.InputKind.optimised,
-}
-
-
 def plan(
     model: Optional[Model] = None,
     *,
@@ -114,7 +104,7 @@ def plan(
             raise ValueError(f"{name}: none found, a number needed without a model")
     options.lags = _options.count_or_auto("lags", lags)
     options.experiments = _options.count_or_auto("experiments", experiments)
-    options.kind = _options.choice("kind", kind, _KINDS)
+    options.kind = _options.choice("kind", kind, {"auto": None, **_tokid.InputKind.__members__})
     limits = np.atleast_1d(_arrays.numbers("amplitude", amplitude)).ravel()
     options.amplitude = [_options.real("amplitude", float(a), 5e-324) for a in limits]
     if noise is not None:

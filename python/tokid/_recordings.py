@@ -20,11 +20,6 @@ from . import _dataframe, _options, _tokid
 from ._channels import channel_texts
 from ._samples import describe, experiment_names, one_or_more
 
-METHODS = {
-    "linear": _tokid.ResampleMethod.linear,
-    "previous": _tokid.ResampleMethod.previous,
-    "mean": _tokid.ResampleMethod.mean,
-}
 DATES = {"day-first": _tokid.DateOrder.day_first, "month-first": _tokid.DateOrder.month_first}
 
 
@@ -45,7 +40,7 @@ _CHECKS: dict[str, Callable[[str, Any], Any]] = {
     "trigger": _options.text,
     "before": lambda name, value: _options.integer(name, value, 0),
     "resample": _or_none(_options.real, 0.0),
-    "resample_method": lambda name, value: _options.choice(name, value, METHODS),
+    "resample_method": lambda name, value: _options.choice(name, value, _tokid.ResampleMethod.__members__),
     "held": lambda _, value: one_or_more(value),
     "longest_gap": _or_none(_options.integer, 1),
 }

@@ -60,21 +60,9 @@ def update(
     IoError
         If another update has the file for longer than `wait`.
     """
-    if isinstance(state, (UpdateState, FileLock)):
-        return _updated(state, u, y, inputs, outputs, threads, progress)
-    with FileLock(state, wait=wait) as held:
-        return _updated(held, u, y, inputs, outputs, threads, progress)
-
-
-def _updated(
-    state: Union[UpdateState, FileLock],
-    u: Any,
-    y: Optional[ArrayLike],
-    inputs: Sequence[str],
-    outputs: Sequence[str],
-    threads: int,
-    progress: Progress,
-) -> Model:
+    if not isinstance(state, (UpdateState, FileLock)):
+        with FileLock(state, wait=wait) as held:
+            return update(held, u, y, inputs=inputs, outputs=outputs, threads=threads, progress=progress)
     count = _options.threads(threads)
     if isinstance(state, FileLock):
         state._held()  # fails before the work starts

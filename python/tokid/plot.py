@@ -405,25 +405,17 @@ def poles(model: Model, *, k: Optional[int] = None, ax: Optional[Axes] = None) -
     ax.axhline(0, color=colours["faint"], linewidth=0.8)
     ax.axvline(0, color=colours["faint"], linewidth=0.8)
     ax.add_patch(Circle((0, 0), 1, fill=False, edgecolor=colours["muted"], linewidth=1.3, label="_Unit circle"))
-    alpha = min(0.55, max(0.12, 60 / len(steps)))
-    kinds = (("Open loop, A", opened, "orange", "o"), ("With the observer, A + GC", closed, "blue", "D"))
-    for label, lists, colour, marker in kinds:
+    alpha = min(0.55, max(0.12, 60 / len(steps))) if k is not None or len(steps) > 100 else 0.75
+    for label, lists, colour, marker, size in (
+        ("Open loop, A", opened, colours["orange"], "o", 4.5),
+        ("With the observer, A + GC", closed, colours["blue"], "D", 4.0),
+    ):
         values = np.concatenate(lists)
-        ax.plot(
-            values.real,
-            values.imag,
-            linestyle="none",
-            marker=marker,
-            markersize=4.5 if marker == "o" else 4.0,
-            markeredgewidth=0,
-            color=colours[colour],
-            alpha=alpha if k is not None or len(steps) > 100 else 0.75,
-            label=label if k is None else f"_{label}",
-        )
-    if k is not None:
-        at = int(np.flatnonzero(steps == k)[0])
-        for label, lists, colour, marker in kinds:
-            values = lists[at]
+        every_step: dict[str, Any] = {"markersize": size, "markeredgewidth": 0, "color": colour, "alpha": alpha}
+        shown = label if k is None else f"_{label}"
+        ax.plot(values.real, values.imag, linestyle="none", marker=marker, label=shown, **every_step)
+        if k is not None:
+            values = lists[int(np.flatnonzero(steps == k)[0])]
             ax.plot(
                 np.clip(values.real, -extent, extent),
                 np.clip(values.imag, -extent, extent),
@@ -431,11 +423,13 @@ def poles(model: Model, *, k: Optional[int] = None, ax: Optional[Axes] = None) -
                 marker=marker,
                 markersize=10 if marker == "o" else 9,
                 markerfacecolor=(1, 1, 1, 0.4),
-                markeredgecolor=colours[colour],
+                markeredgecolor=colour,
                 markeredgewidth=2.0,
                 clip_on=False,
+                zorder=2.5,  # above the other steps
                 label=label,
             )
+    if k is not None:
         ax.set_title(f"Step {k}, {k * model.dt:.4g} s", loc="left", fontsize="medium")
     outside = int(np.sum((np.abs(every.real) > extent) | (np.abs(every.imag) > extent)))
     if outside:
