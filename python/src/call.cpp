@@ -24,7 +24,6 @@ void Call::tell() {
   // Python releases the GIL while the listener runs. Another thread could otherwise call it then.
   if (listener_.is_none() || telling_) return;
   telling_ = true;
-  const ScopeExit end([this] { telling_ = false; });
   ProgressReport now;
   {
     const std::lock_guard lock(mutex_);
@@ -32,7 +31,8 @@ void Call::tell() {
     fresh_ = false;
   }
   told_ = Clock::now();
-  listener_(now.share, now.stage);
+  listener_(now.share, now.stage);  // after an exception, ask() calls it no more
+  telling_ = false;
 }
 
 }  // namespace tokid::python

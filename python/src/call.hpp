@@ -18,19 +18,6 @@ namespace tokid::python {
 // catches some of these and continues.
 struct Stopped {};
 
-// Calls a function at the end of a scope, also after an exception.
-template <class Function>
-class ScopeExit {
- public:
-  explicit ScopeExit(Function function) : function_(std::move(function)) {}
-  ~ScopeExit() { function_(); }
-  ScopeExit(const ScopeExit&) = delete;
-  ScopeExit& operator=(const ScopeExit&) = delete;
-
- private:
-  Function function_;
-};
-
 // The progress of one call. Any thread of the library may report it. Python is called at most 20 times a second.
 class Call {
  public:

@@ -103,7 +103,7 @@ nb::any bounds_of(const Model& model, const Ensemble& data, double level, Index 
               {FIELD(level), FIELD(dt), FIELD(experiments), FIELD(lags), FIELD(replicates), FIELD(freedom),
                FIELD(smoothing), Field("bias", s.bias.size() > 0 ? std::optional(s.bias) : std::nullopt),
                Field("markov", object_of(s.markov)), Field("simulated", object_of(s.simulated)),
-               Field("spectrum", object_of(s.spectrum)), FIELD(findings), Field("_core", nb::cast(s))});
+               Field("spectrum", object_of(s.spectrum)), FIELD(findings), Field("_core", nb::cast(std::move(s)))});
 }
 
 }  // namespace

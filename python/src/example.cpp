@@ -19,20 +19,13 @@ void bind_example(nb::module_& module) {
       no_gil);
   module.def(
       "experiments",
-      [](const Model& system, Index count, std::uint64_t seed, double process_noise, double measurement_noise,
-         Index free_responses, InitialState initial_state) {
-        return experiments(system, {count, seed, process_noise, measurement_noise, free_responses, initial_state});
-      },
-      no_gil);
-  module.def(
-      "experiments_with",
-      [](const Model& system, const Ensemble& inputs, std::uint64_t seed, double process_noise,
+      [](const Model& system, Index count, const Ensemble* inputs, std::uint64_t seed, double process_noise,
          double measurement_noise, Index free_responses, InitialState initial_state) {
-        const Index count = inputs.experiments();
-        return experiments(system, inputs,
-                           {count, seed, process_noise, measurement_noise, free_responses, initial_state});
+        const ExperimentOptions options{count, seed, process_noise, measurement_noise, free_responses, initial_state};
+        return inputs ? experiments(system, *inputs, options) : experiments(system, options);
       },
-      no_gil);
+      nb::arg("system"), nb::arg("count"), nb::arg("inputs").none(), nb::arg("seed"), nb::arg("process_noise"),
+      nb::arg("measurement_noise"), nb::arg("free_responses"), nb::arg("initial_state"), no_gil);
 }
 
 }  // namespace tokid::python

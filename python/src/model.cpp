@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "tokid/model.hpp"
 
+#include <fmt/format.h>
+
 #include <optional>
 
 #include "arrays.hpp"
@@ -59,11 +61,9 @@ void set_state_dim(Model& model, const std::vector<Index>& state_dim) {
 
 void need_entries(const Model& model, const std::string& name, size_t found) {
   if (found != model.step.size())
-    throw std::invalid_argument("model: " + std::to_string(found) + " entries of " + name + " found, " +
-                                std::to_string(model.step.size()) + " needed");
+    throw std::invalid_argument(
+        fmt::format("model: {} entries of {} found, {} needed", found, name, model.step.size()));
 }
-
-std::string by(Index rows, Index cols) { return std::to_string(rows) + " x " + std::to_string(cols); }
 
 void set_matrices(Model& model, const std::string& name, const std::vector<Matrix>& matrices) {
   const StepField& field = field_of(name);
@@ -73,8 +73,8 @@ void set_matrices(Model& model, const std::string& name, const std::vector<Matri
     const Matrix& a = matrices[s];
     const Index rows = size(model.step[s], field.rows), cols = size(model.step[s], field.cols);
     if (a.rows() != rows || a.cols() != cols)
-      throw std::invalid_argument("model: " + name + "[" + std::to_string(s) + "] is " + by(a.rows(), a.cols()) + ", " +
-                                  by(rows, cols) + " needed");
+      throw std::invalid_argument(
+          fmt::format("model: {}[{}] is {} x {}, {} x {} needed", name, s, a.rows(), a.cols(), rows, cols));
     field.set(model.step[s], a);
   }
 }

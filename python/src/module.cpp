@@ -32,16 +32,11 @@ NB_MODULE(_tokid, module) {
           PyErr_SetObject(static_cast<PyObject*>(type), raised.ptr());
         } catch (const tokid::IoError& error) {
           PyErr_SetString(static_cast<PyObject*>(type), python::in_python(error.what()).c_str());
+        } catch (const std::invalid_argument& error) {
+          PyErr_SetString(PyExc_ValueError, python::in_python(error.what()).c_str());
         }
       },
       io_error.ptr());
-  nb::register_exception_translator([](const std::exception_ptr& thrown, void*) {
-    try {
-      std::rethrow_exception(thrown);
-    } catch (const std::invalid_argument& error) {
-      PyErr_SetString(PyExc_ValueError, python::in_python(error.what()).c_str());
-    }
-  });
   module.def("in_python", [](std::string text) { return python::in_python(std::move(text)); });
 
   using namespace python;

@@ -1,4 +1,4 @@
-// Makes the dataclasses of tokid/results.py of the structs of the library. Functions of the module return these
+// Converts the structs of the library to the dataclasses of tokid/results.py. Functions of the module return the
 // structs.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
@@ -74,8 +74,10 @@ struct nanobind::detail::type_caster<T, nanobind::detail::enable_if_t<tokid::pyt
       return tokid::python::result_of(value).release();
     } catch (python_error& error) {
       error.restore();
-      return {};
+    } catch (const std::exception& error) {
+      PyErr_SetString(PyExc_RuntimeError, error.what());
     }
+    return {};
   }
 };
 

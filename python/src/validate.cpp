@@ -14,26 +14,20 @@ RESULT(CrossValidation, "CrossValidation", FIELD(folds), FIELD(simulation), FIEL
        FIELD(simulation_spread), FIELD(one_step_spread), FIELD(horizon_spread), Field("findings", remarks(s)))
 
 void bind_validate(nb::module_& module) {
-  module.def(
-      "validate",
-      [](const Model& model, const Ensemble& data, Index horizon, Index whiteness_lags,
-         std::optional<InitialState> initial_state, Index first_step) {
-        const ValidateOptions options{horizon, whiteness_lags, initial_state, {}, first_step};
-        Validation result = without_gil([&] { return validate_distinct(model, data, options); });
-        append(result.findings, differences(model, data));
-        return NamedValidation(result, model.names);
-      },
-      nb::arg("model"), nb::arg("data"), nb::arg("horizon"), nb::arg("whiteness_lags"), nb::arg("initial_state").none(),
-      nb::arg("first_step"));
-  module.def(
-      "experiment_fits",
-      [](const Model& model, const Ensemble& data, std::optional<InitialState> initial_state, Index first_step) {
-        ValidateOptions options;
-        options.initial_state = initial_state;
-        options.first_step = first_step;
-        return without_gil([&] { return experiment_fits(model, data, options); });
-      },
-      nb::arg("model"), nb::arg("data"), nb::arg("initial_state").none(), nb::arg("first_step"));
+  module.def("validate", [](const Model& model, const Ensemble& data, Index horizon, Index whiteness_lags,
+                            std::optional<InitialState> initial_state, Index first_step) {
+    const ValidateOptions options{horizon, whiteness_lags, initial_state, {}, first_step};
+    Validation result = without_gil([&] { return validate_distinct(model, data, options); });
+    append(result.findings, differences(model, data));
+    return NamedValidation(result, model.names);
+  });
+  module.def("experiment_fits",
+             [](const Model& model, const Ensemble& data, std::optional<InitialState> initial_state, Index first_step) {
+               ValidateOptions options;
+               options.initial_state = initial_state;
+               options.first_step = first_step;
+               return without_gil([&] { return experiment_fits(model, data, options); });
+             });
   module.def(
       "cross_validate",
       [](const Ensemble& data, IdentifyOptions identify, Index folds, Index horizon, std::optional<std::uint64_t> seed,

@@ -118,6 +118,23 @@ def shaped(name: str, values: Any, shape: Sequence[Optional[int]], letters: str 
     return array
 
 
+def states(name: str, values: Any, experiments: int, size: int) -> Any:
+    """Return states (size, N) of the experiments, from (N, size), or from (size,) or (1, size) for all of them."""
+    array = numbers(name, values)
+    if array.ndim == 1 or (array.ndim == 2 and len(array) == 1):
+        array = np.broadcast_to(array, (experiments, array.shape[-1]))
+    return shaped(name, array, (experiments, size)).T
+
+
+def limits(name: str, values: Any, shape: tuple[int, ...]) -> Any:
+    """Return limits of inputs (r,) or (T, r), from those or from a number for all."""
+    try:
+        return np.array(np.broadcast_to(numbers(name, values), shape), dtype=np.float64)
+    except ValueError:
+        shapes = f"({shape[-1]},)" if len(shape) == 1 else f"({shape[-1]},) or {shape}"
+        raise ValueError(f"{name}: shape {np.shape(values)} found, a number, {shapes} needed") from None
+
+
 def weights(name: str, value: Any, size: int) -> list[Any]:
     """Return weights as matrices: none, one for all steps, or one for each step.
 

@@ -175,22 +175,15 @@ class Controller:
         """
         observed, true = self._loop(truth, model)
         count = _options.integer("experiments", experiments, 1)
-        start = None
-        if x0 is not None:
-            states = int(true._core.state_dim[0])
-            start = _arrays.numbers("x0", x0)
-            if start.ndim == 1:
-                start = np.broadcast_to(start, (count, start.shape[0]))
-            start = np.ascontiguousarray(_arrays.shaped("x0", start, (count, states)).T)
         data, cost = self._core.simulate(
             observed._core,
             true._core,
             count,
             _options.integer("seed", seed, 0, 2**64 - 1),
             _options.switch("noise", noise),
-            _limit("u_min", u_min, true.inputs),
-            _limit("u_max", u_max, true.inputs),
-            start,
+            None if u_min is None else _arrays.limits("u_min", u_min, (true.inputs,)),
+            None if u_max is None else _arrays.limits("u_max", u_max, (true.inputs,)),
+            None if x0 is None else _arrays.states("x0", x0, count, true._core.state_dim[0]),
         )
         return ClosedLoop(Ensemble._of(data), cost)
 
@@ -220,13 +213,3 @@ def _restored(content: bytes, cost_to_go: Sequence[Array], model: StateSpace) ->
     core = from_bytes(_tokid.load_controller, content)
     core.set_cost_to_go(list(cost_to_go))  # no part of the file
     return Controller._of(core, model)
-
-
-def _limit(name: str, value: Optional[ArrayLike], inputs: int) -> Optional[Array]:
-    if value is None:
-        return None
-    given = _arrays.numbers(name, value)
-    if given.shape not in ((), (inputs,)):
-        raise ValueError(f"{name}: shape {given.shape} found, a number or ({inputs},) needed")
-    array: Array = np.array(np.broadcast_to(given, (inputs,)), dtype=np.float64)
-    return array

@@ -14,7 +14,7 @@ from ._channels import channel_texts
 from ._optional import need
 from ._samples import describe, experiment_names, label, labels_of, one_or_more
 from ._time_grid import Grid, seconds, text_of
-from ._typing import Array, ArrayLike
+from ._typing import Array
 
 _RESERVED = ("experiment", "time", "k")
 _NOTES = "tokid"  # key in DataFrame.attrs of values that have no column in a table

@@ -14,7 +14,7 @@ from . import _arrays, _dataframe, _dataset, _options, _recordings, _samples, _t
 from ._channels import Channels
 from ._errors import reading, warn, writing
 from ._held import Held
-from ._samples import DESCRIPTION, core_of, describe, description, sizes, taken_for_one, with_remark
+from ._samples import DESCRIPTION, core_of, describe, description, new_core, sizes, taken_for_one, with_remark
 from ._summary import Summary
 from ._typing import Array, ArrayLike, IndexArray, PathLike
 
@@ -134,14 +134,8 @@ class Ensemble(Channels):
         >>> data.u[...] = 0.0
         >>> data.y[3, :, 0] = 1.0  # one experiment
         """
-        core = _tokid.Ensemble(
-            _options.integer("experiments", experiments, 0),
-            _options.integer("steps", steps, 0),
-            _options.integer("inputs", inputs, 0),
-            _options.integer("outputs", outputs, 0),
-            1.0 if dt is None else _options.number("dt", dt),
-        )
-        core.dt_stated = dt is not None
+        sizes = {"experiments": experiments, "steps": steps, "inputs": inputs, "outputs": outputs}
+        core = new_core(*(_options.integer(name, size, 0) for name, size in sizes.items()), dt=dt)
         describe(core, **description(locals()))
         return cls._with_warnings(core)
 

@@ -100,12 +100,13 @@ def example(
         _options.integer("free_responses", free_responses, 0, 1_000_000),
         _options.known_initial_state(initial_state),
     )
-    if inputs is not None:
-        if not isinstance(inputs, Ensemble):
-            raise TypeError(f"inputs: {type(inputs).__name__} found, a tokid.Ensemble needed")
-        return Ensemble._of(_tokid.experiments_with(_system(name, inputs.steps, dt), inputs._ready(), *noise))
-    count = _options.integer("experiments", experiments, 1, 1_000_000)
-    return Ensemble._of(_tokid.experiments(_system(name, steps, dt), count, *noise))
+    if inputs is None:
+        count = _options.integer("experiments", experiments, 1, 1_000_000)
+        return Ensemble._of(_tokid.experiments(_system(name, steps, dt), count, None, *noise))
+    if not isinstance(inputs, Ensemble):
+        raise TypeError(f"inputs: {type(inputs).__name__} found, a tokid.Ensemble needed")
+    system = _system(name, inputs.steps, dt)
+    return Ensemble._of(_tokid.experiments(system, inputs.experiments, inputs._ready(), *noise))
 
 
 def _system(name: str, steps: int, dt: Optional[float]) -> _tokid.Model:

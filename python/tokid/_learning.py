@@ -90,7 +90,10 @@ def learn(
     steps = len(wanted)
     last = [_arrays.shaped("u", u, (steps, model.inputs)), _arrays.shaped("y", y, (steps, model.outputs))]
     found: LearnedRun = _tokid.learn(model._core, wanted, *last, *costs)
-    limits = [_limit("u_min", u_min, -np.inf, last[0].shape), _limit("u_max", u_max, np.inf, last[0].shape)]
+    limits = [
+        _arrays.limits("u_min", -np.inf if u_min is None else u_min, last[0].shape),
+        _arrays.limits("u_max", np.inf if u_max is None else u_max, last[0].shape),
+    ]
     for name, limit, never in zip(("u_min", "u_max"), limits, (np.inf, -np.inf)):
         if np.any(np.isnan(limit)):
             raise ValueError(f"{name}: NaN found, numbers needed")
@@ -123,15 +126,6 @@ def learn(
     lifted = LiftedMap._of(model, part.start, part.start + count)
     predicted[part] += lifted.product(following[part] - before[part])
     return LearnedRun(following, predicted, _rms(wanted - measured), _rms(wanted - predicted))
-
-
-def _limit(name: str, value: Optional[ArrayLike], default: float, shape: tuple[int, int]) -> Any:
-    if value is None:
-        return np.full(shape, default)
-    try:
-        return np.array(np.broadcast_to(_arrays.numbers(name, value), shape), dtype=np.float64)
-    except ValueError:
-        raise ValueError(f"{name}: shape {np.shape(value)} found, a number, ({shape[1]},) or {shape} needed") from None
 
 
 def _rms(error: Any) -> Array:

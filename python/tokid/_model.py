@@ -330,10 +330,7 @@ class Model(StateSpace):
         else:
             start = None
             if x0 is not None:
-                start = _arrays.numbers("x0", x0)
-                if start.ndim == 1 or (start.ndim == 2 and len(start) == 1):
-                    start = np.broadcast_to(start, (data.experiments, start.shape[-1]))
-                start = _arrays.shaped("x0", start, (data.experiments, int(self._core.state_dim[0]))).T
+                start = _arrays.states("x0", x0, data.experiments, self._core.state_dim[0])
             simulated = self._core.simulate(data, start)
         if x0 is None:
             warn(self._core.simulation_remarks(data, simulated, estimate_state))

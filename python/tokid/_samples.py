@@ -49,6 +49,15 @@ def experiment_names(data: _tokid.Ensemble) -> list[str]:
     return data.experiment_names or [str(n) for n in range(data.experiments)]
 
 
+def new_core(
+    experiments: int, steps: int, inputs: int, outputs: int, *, dt: Optional[float], unset: bool = False
+) -> _tokid.Ensemble:
+    """An ensemble of this size. Its samples are missing or, if `unset`, about to be written."""
+    core = _tokid.Ensemble(experiments, steps, inputs, outputs, 1.0 if dt is None else _options.number("dt", dt), unset)
+    core.dt_stated = dt is not None
+    return core
+
+
 def core_of(
     u: Any, y: Any, dt: Optional[float], length: Optional[ArrayLike] = None
 ) -> tuple[_tokid.Ensemble, bool]:
@@ -62,29 +71,17 @@ def core_of(
         if length is not None:
             raise ValueError("length: found beside a list of experiments, whose lengths are known")
         return _core_of_runs(u, y, dt), False
-    inputs: Optional[np.ndarray[Any, Any]] = None
-    outputs: Optional[np.ndarray[Any, Any]] = None
     if u is None:
         outputs, single = _arrays.samples("y", y, "m")
-        shape = outputs.shape
+        inputs = np.zeros((*outputs.shape[:2], 0))
     else:
         inputs, single = _arrays.samples("u", u, "r")
-        shape = inputs.shape
-        if y is not None:
-            outputs = _arrays.outputs_beside(y, inputs, single)
-    core = _tokid.Ensemble(
-        shape[0],
-        shape[1],
-        0 if inputs is None else inputs.shape[2],
-        0 if outputs is None else outputs.shape[2],
-        1.0 if dt is None else _options.number("dt", dt),
-        True,
-    )
-    core.dt_stated = dt is not None
-    if inputs is not None:
-        core.write_inputs(inputs)
-    if outputs is not None:
-        core.write_outputs(outputs)
+        none = np.zeros((*inputs.shape[:2], 0))
+        outputs = none if y is None else _arrays.outputs_beside(y, inputs, single)
+    experiments, steps, r = inputs.shape
+    core = new_core(experiments, steps, r, outputs.shape[2], dt=dt, unset=True)
+    core.write_inputs(inputs)
+    core.write_outputs(outputs)
     return core, single
 
 
@@ -99,14 +96,8 @@ def _core_of_runs(u: Any, y: Any, dt: Optional[float]) -> _tokid.Ensemble:
             if len(one) != len(beside):
                 raise ValueError(f"y[{n}]: {plural(len(one), 'step')} found, {len(beside)} needed as in u[{n}]")
     lengths = [len(one) for one in (outputs if inputs is None else inputs) or ()]
-    core = _tokid.Ensemble(
-        len(lengths),
-        max(lengths),
-        inputs[0].shape[1] if inputs else 0,
-        outputs[0].shape[1] if outputs else 0,
-        1.0 if dt is None else _options.number("dt", dt),
-    )
-    core.dt_stated = dt is not None
+    r, m = (one[0].shape[1] if one else 0 for one in (inputs, outputs))
+    core = new_core(len(lengths), max(lengths), r, m, dt=dt)
     for samples, experiments in ((core.u(), inputs), (core.y(), outputs)):
         for n, one in enumerate(experiments or ()):
             samples[n, : len(one)] = one

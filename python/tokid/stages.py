@@ -27,6 +27,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Optional, Union
 
 import numpy as np
@@ -80,11 +81,8 @@ class _Value:
 
     def __reduce__(self) -> Any:
         # Copies are made by the constructor, since arrays that are unpickled alone could be written to.
-        return _made, (type(self), {name: getattr(self, name) for name in self.__dataclass_fields__})  # type: ignore[attr-defined]
-
-
-def _made(value: type, fields: dict[str, Any]) -> Any:
-    return value(**fields)
+        fields = {name: getattr(self, name) for name in self.__dataclass_fields__}  # type: ignore[attr-defined]
+        return partial(type(self), **fields), ()
 
 
 def _short(value: Any) -> str:
