@@ -21,15 +21,7 @@ function [bounds, evidence] = confidence(model, varargin)
 % SPDX-License-Identifier: BSD-3-Clause
 
 tokid.internal.need(nargin, 'model');
-known = {'level', 'value'; 'replicates', 'value'; 'seed', 'value'; 'band', 'value'; ...
-         'reference_step', 'value'; 'threads', 'value'; 'inputs', 'list'; 'outputs', 'list'};
-[folder, clean] = tokid.internal.folder(); %#ok<ASGLU>
-[file, of_model] = tokid.internal.take_model(folder, model);
-[data, pairs, files] = tokid.internal.take_data(folder, true, varargin, model, {});
-words = tokid.internal.options('confidence', known, pairs, tokid.internal.data_fields());
-computed = fullfile(folder, 'bounds.mat');
-output = tokid.internal.call([{'confidence', file, data, '-o', computed, '--json'}, words], folder, ...
-                             [of_model; files]);
-evidence = tokid.internal.decode(output, folder);
-bounds = tokid.internal.read_mat(computed);
+given = {'', 'model', 'model', model; '', 'data', 'data', []; '-o', 'new', 'bounds', []};
+known = 'level replicates seed band reference_step threads inputs:list outputs:list';
+[evidence, bounds] = tokid.internal.run(tokid.internal.take('confidence', given, known, varargin), nargout);
 end

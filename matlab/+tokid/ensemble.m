@@ -25,19 +25,16 @@ function data = ensemble(u, y, varargin)
 
 tokid.internal.need(nargin, 'u');
 if isa(u, 'iddata')
-  data = tokid.internal.of_iddata(u);
+  data = u;
   if nargin > 1
     varargin = [{y}, varargin];
   end
 else
+  data = struct();
   data.u = u;
-  if nargin > 1 && ~isempty(y)
+  if nargin > 1
     data.y = y;
   end
 end
-[data, rest] = tokid.internal.take_fields(data, varargin);
-if ~isempty(rest)
-  tokid.internal.options('ensemble', cell(0, 2), rest, tokid.internal.data_fields());
-end
-data = tokid.internal.ensemble(data, false);
+data = tokid.internal.take_data('ensemble', {}, [{data}, varargin], false);
 end

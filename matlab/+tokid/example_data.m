@@ -19,11 +19,7 @@ function data = example_data(system, varargin)
 % SPDX-License-Identifier: BSD-3-Clause
 
 tokid.internal.need(nargin, 'system');
-known = {'experiments', 'value'; 'steps', 'value'; 'seed', 'value'; 'process_noise', 'value'; ...
-         'measurement_noise', 'value'; 'free_responses', 'value'; 'initial_state', 'value'};
-words = tokid.internal.options('example', known, varargin);
-[folder, clean] = tokid.internal.folder(); %#ok<ASGLU>
-file = fullfile(folder, 'data.mat');
-tokid.internal.call([{'example', char(system), '-o', file}, words], folder, cell(0, 2));
-data = rmfield(tokid.internal.read_mat(file), 'experiments');
+given = {'', 'text', 'system', system; '-o', 'new', 'data', []};
+known = 'experiments steps seed process_noise measurement_noise free_responses initial_state';
+[~, data] = tokid.internal.run(tokid.internal.take('example', given, known, varargin), nargout);
 end

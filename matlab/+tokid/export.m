@@ -18,18 +18,7 @@ function evidence = export(source, model, varargin)
 % SPDX-License-Identifier: BSD-3-Clause
 
 tokid.internal.need(nargin, 'source', 'model');
-known = {'controller', 'own'; 'float', 'flag'; 'name', 'value'; 'start_from_zero', 'flag'};
-[words, own] = tokid.internal.options('export', known, varargin);
-[folder, clean] = tokid.internal.folder(); %#ok<ASGLU>
-[file, files] = tokid.internal.take_model(folder, model);
-if isfield(own, 'controller') && isstruct(own.controller)
-  given = fullfile(folder, 'controller.mat');
-  tokid.internal.write_mat(given, own.controller);
-  words = [words, {'--controller', given}];
-  files = [files; {given, 'controller'}];
-elseif isfield(own, 'controller')
-  words = [words, {'--controller', tokid.internal.file_name(own.controller)}];
-end
-output = tokid.internal.call([{'export', file, '-o', tokid.internal.file_name(source), '--json'}, words], folder, files);
-evidence = tokid.internal.decode(output, folder);
+given = {'', 'model', 'model', model; '-o', 'file', 'source', source};
+known = 'controller:controller float:flag name start_from_zero:flag';
+evidence = tokid.internal.run(tokid.internal.take('export', given, known, varargin), nargout);
 end

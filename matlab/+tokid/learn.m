@@ -18,27 +18,15 @@ function next = learn(model, reference, u, y, varargin)
 % SPDX-License-Identifier: BSD-3-Clause
 
 tokid.internal.need(nargin, 'model', 'reference', 'u', 'y');
-known = {'error_weight', 'list'; 'input_weight', 'list'; 'input_change_weight', 'list'; 'input_rate_weight', 'list'};
-words = tokid.internal.options('learn', known, varargin);
 if ~isequal(size(reference), size(y)) || size(u, 1) ~= size(y, 1) || ndims(u) > 2 || ndims(y) > 2
   error('tokid:shape', 'learn: reference %s, u %s and y %s found, T x m, T x r and T x m needed', ...
         mat2str(size(reference)), mat2str(size(u)), mat2str(size(y)));
 end
-[folder, clean] = tokid.internal.folder(); %#ok<ASGLU>
-[file, of_model] = tokid.internal.take_model(folder, model);
-last = fullfile(folder, 'last.mat');
-wanted = fullfile(folder, 'wanted.mat');
-tokid.internal.write_ensemble(last, one_run(u, y));
-tokid.internal.write_ensemble(wanted, one_run(u, reference));
-written = fullfile(folder, 'next.mat');
-files = [of_model; {last, 'the last run'; wanted, 'the reference'}];
-output = tokid.internal.call([{'learn', file, last, wanted, '-o', written, '--json'}, words], folder, files);
-evidence = tokid.internal.decode(output, folder);
-run = tokid.internal.read_mat(written);
+last = struct('u', reshape(u, [1, size(u)]), 'y', reshape(y, [1, size(y)]));
+given = {'', 'model', 'model', model; '', 'data', 'the last run', last; ...
+             '', 'reference', 'the reference', reference; '-o', 'new', 'next', []};
+known = 'error_weight:weight input_weight:weight input_change_weight:weight input_rate_weight:weight';
+[evidence, run] = tokid.internal.run(tokid.internal.take('learn', given, known, varargin), 2);
 next = struct('u', reshape(run.u, size(u)), 'predicted', reshape(run.y, size(y)), 'error', evidence.error, ...
               'predicted_error', evidence.predicted_error);
-end
-
-function data = one_run(u, y)
-data = tokid.ensemble(reshape(u, [1, size(u)]), reshape(y, [1, size(y)]));
 end

@@ -28,63 +28,20 @@ function [controller, evidence, loop] = lqr(model, varargin)
 % SPDX-License-Identifier: BSD-3-Clause
 
 tokid.internal.need(nargin, 'model');
-known = {'output_weight', 'list'; 'input_weight', 'list'; 'input_rate_weight', 'list'; 'terminal_weight', 'list'; ...
-         'begin', 'value'; 'end', 'value'; 'reference', 'own'; 'truth', 'own'; 'experiments', 'value'; ...
-         'seed', 'value'; 'no_noise', 'flag'; 'u_min', 'list'; 'u_max', 'list'};
-[words, own] = tokid.internal.options('lqr', known, diagonals(varargin));
-if nargout < 3
-  of_loop = intersect(cellfun(@(i) tokid.internal.option_name(varargin, i), num2cell(1:2:numel(varargin)), ...
-                              'UniformOutput', false), ...
-                      {'truth', 'experiments', 'seed', 'no_noise', 'u_min', 'u_max'});
-  if ~isempty(of_loop)
-    error('tokid:option', ['lqr: option ''%s'' found, but not the third result, loop. The option belongs to its ' ...
-                           'simulation: [controller, evidence, loop] = tokid.lqr(...)'], of_loop{1});
-  end
+given = {'', 'model', 'model', model; '-o', 'new', 'controller', []; '--simulate', 'new', 'loop', []};
+known = ['output_weight:weight input_weight:weight input_rate_weight:weight terminal_weight:weight begin end ' ...
+         'reference:reference truth:model experiments seed no_noise:flag u_min:list u_max:list'];
+call = tokid.internal.take('lqr', given(1:2 + (nargout > 2), :), known, varargin);
+of_loop = intersect(fieldnames(call.said), {'truth', 'experiments', 'seed', 'no_noise', 'u_min', 'u_max'});
+if nargout < 3 && ~isempty(of_loop)
+  error('tokid:option', ['lqr: option ''%s'' found, but not the third result, loop. The option belongs to its ' ...
+                         'simulation: [controller, evidence, loop] = tokid.lqr(...)'], of_loop{1});
+elseif nargout < 3
+  [evidence, controller] = tokid.internal.run(call, nargout);
+else
+  [evidence, controller, loop] = tokid.internal.run(call, nargout);
 end
-[folder, clean] = tokid.internal.folder(); %#ok<ASGLU>
-[file, files] = tokid.internal.take_model(folder, model);
-if isfield(own, 'reference')
-  wanted = fullfile(folder, 'wanted.mat');
-  y = reshape(own.reference, [1, size(own.reference)]);
-  tokid.internal.write_ensemble(wanted, tokid.ensemble(zeros(1, size(y, 2)), y));
-  words = [words, {'--reference', wanted}];
-  files = [files; {wanted, 'the reference'}];
-end
-if isfield(own, 'truth')
-  [truth, of_truth] = tokid.internal.take_model(folder, own.truth, 'truth');
-  words = [words, {'--truth', truth}];
-  files = [files; of_truth];
-end
-simulated = fullfile(folder, 'loop.mat');
-if nargout > 2
-  words = [words, {'--simulate', simulated}];
-end
-written = fullfile(folder, 'controller.mat');
-output = tokid.internal.call([{'lqr', file, '-o', written, '--json'}, words], folder, files);
-controller = tokid.internal.read_mat(written);
-if ~isempty(files) && strcmp(files{1, 1}, file) && isfield(controller, 'model')
+if isstruct(model) && isfield(controller, 'model')
   controller = rmfield(controller, 'model'); % the name of a temporary file
-end
-evidence = tokid.internal.decode(output, folder);
-if nargout > 2
-  loop = tokid.read(simulated);
-end
-end
-
-function pairs = diagonals(pairs)
-% A diagonal matrix of weights is given to the tool as its diagonal.
-names = {'output_weight', 'input_weight', 'input_rate_weight', 'terminal_weight'};
-for i = 1:2:numel(pairs) - 1
-  name = tokid.internal.option_name(pairs, i);
-  value = pairs{i + 1};
-  if ~any(strcmp(name, names)) || ~isnumeric(value) || isvector(value) || isempty(value)
-    continue
-  elseif ndims(value) > 2 || size(value, 1) ~= size(value, 2) || any(any(value ~= diag(diag(value)))) %#ok<ISMAT>
-    error('tokid:option', ['lqr: option ''%s'': a value of size %s found; one number, one number for each channel ' ...
-                           'or a diagonal matrix needed. Python and C++ take full matrices and weights for each ' ...
-                           'step'], ...
-          name, mat2str(size(value)));
-  end
-  pairs{i + 1} = full(diag(value));
 end
 end

@@ -23,35 +23,21 @@ function found = modes(model, varargin)
 % SPDX-License-Identifier: BSD-3-Clause
 
 tokid.internal.need(nargin, 'model');
-known = {'window', 'value'; 'slow', 'value'; 'level', 'value'; 'replicates', 'value'; 'seed', 'value'; ...
-         'threads', 'value'};
-[folder, clean] = tokid.internal.folder(); %#ok<ASGLU>
-[file, files] = tokid.internal.take_model(folder, model);
-call = {'modes', file, '--json'};
-pairs = varargin;
-if ~isempty(pairs) && ~begins_with_option(pairs, known)
-  [data, pairs, of_data] = tokid.internal.take_data(folder, true, pairs, model, {});
-  call = [call, {'--confidence', data}];
-  files = [files; of_data];
-else
-  for i = 1:2:numel(pairs)
-    name = tokid.internal.option_name(pairs, i);
-    if any(strcmp(name, {'level', 'replicates', 'seed'}))
-      error('tokid:option', 'modes: option ''%s'' found without data. It belongs to the intervals: %s', name, ...
-            'tokid.modes(model, u, y, ...)');
-    end
-  end
+given = {'', 'model', 'model', model; '--confidence', 'data', 'data', []};
+known = 'window slow level replicates seed threads';
+with_data = ~isempty(varargin) && ~begins_with_option(varargin, strsplit(known));
+call = tokid.internal.take('modes', given(1:1 + with_data, :), known, varargin);
+of_intervals = intersect(fieldnames(call.said), {'level', 'replicates', 'seed'});
+if ~with_data && ~isempty(of_intervals)
+  error('tokid:option', 'modes: option ''%s'' found without data. It belongs to the intervals: %s', of_intervals{1}, ...
+        'tokid.modes(model, u, y, ...)');
 end
-words = tokid.internal.options('modes', known, pairs, tokid.internal.data_fields());
-found = tokid.internal.decode(tokid.internal.call([call, words], folder, files), folder);
+found = tokid.internal.run(call, nargout);
 end
 
 function yes = begins_with_option(pairs, known)
 % Names and values come in pairs, so a text before an even number of arguments is the name of a file. A text that begins
 % an even number of arguments is an option, known or misspelled.
-first = pairs{1};
-yes = ischar(first) || isa(first, 'string');
-if yes
-  yes = mod(numel(pairs), 2) == 0 || any(strcmp(tokid.internal.option_name(pairs, 1), known(:, 1)));
-end
+yes = tokid.internal.is_text(pairs{1}) && (mod(numel(pairs), 2) == 0 || ...
+                                           any(strcmp(tokid.internal.option_name(pairs{1}), known)));
 end

@@ -20,18 +20,8 @@ function [data, evidence] = plan(varargin)
 
 % SPDX-License-Identifier: BSD-3-Clause
 
-known = {'states', 'value'; 'inputs', 'value'; 'outputs', 'value'; 'steps', 'value'; 'lags', 'value'; ...
-         'experiments', 'value'; 'kind', 'value'; 'amplitude', 'list'; 'noise', 'pair'; 'model', 'own'; ...
-         'initial_state', 'value'; 'nominal', 'flag'; 'dt', 'value'; 'seed', 'value'; 'threads', 'value'};
-[words, own] = tokid.internal.options('plan', known, varargin);
-[folder, clean] = tokid.internal.folder(); %#ok<ASGLU>
-files = cell(0, 2);
-if isfield(own, 'model')
-  [model, files] = tokid.internal.take_model(folder, own.model);
-  words = [words, {'--model', model}];
-end
-file = fullfile(folder, 'inputs.mat');
-output = tokid.internal.call([{'plan', '-o', file, '--json'}, words], folder, files);
-evidence = tokid.internal.decode(output, folder);
-data = rmfield(tokid.internal.read_mat(file), 'experiments');
+known = ['states inputs outputs steps lags experiments kind amplitude:list noise:pair model:model initial_state ' ...
+         'nominal:flag dt seed threads'];
+call = tokid.internal.take('plan', {'-o', 'new', 'inputs', []}, known, varargin);
+[evidence, data] = tokid.internal.run(call, nargout);
 end

@@ -17,16 +17,8 @@ function y = predict(model, varargin)
 % SPDX-License-Identifier: BSD-3-Clause
 
 tokid.internal.need(nargin, 'model');
-known = {'horizon', 'value'; 'inputs', 'list'; 'outputs', 'list'};
-[folder, clean] = tokid.internal.folder(); %#ok<ASGLU>
-[file, of_model] = tokid.internal.take_model(folder, model);
-[data, pairs, files, lengths] = tokid.internal.take_data(folder, true, varargin, model, {});
-words = tokid.internal.options('predict', known, pairs, tokid.internal.data_fields());
-computed = fullfile(folder, 'predicted.mat');
-tokid.internal.call([{'predict', file, data, '-o', computed}, words], folder, [of_model; files]);
-computed = tokid.internal.read_mat(computed);
-y = computed.y;
-if ~isempty(lengths)
-  y = tokid.internal.as_cells(y, lengths);
-end
+given = {'', 'model', 'model', model; '', 'data', 'data', []; '-o', 'new', 'predicted', []};
+call = tokid.internal.take('predict', given, 'horizon inputs:list outputs:list', varargin);
+[~, predicted] = tokid.internal.run(call, nargout);
+y = tokid.internal.as_cells(predicted.y, call.lengths);
 end

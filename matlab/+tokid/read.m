@@ -13,12 +13,7 @@ function contents = read(file, varargin)
 % SPDX-License-Identifier: BSD-3-Clause
 
 tokid.internal.need(nargin, 'file');
-words = tokid.internal.options('read', {'inputs', 'list'; 'outputs', 'list'}, varargin);
-[folder, clean] = tokid.internal.folder(); %#ok<ASGLU>
-copy = fullfile(folder, 'copy.mat');
-tokid.internal.call([{'convert', tokid.internal.file_name(file), copy}, words], folder, cell(0, 2));
-contents = tokid.internal.read_mat(copy);
-if isfield(contents, 'experiments')
-  contents = rmfield(contents, 'experiments');
-end
+given = {'', 'file', 'file', file; '', 'new', 'copy', []};
+call = tokid.internal.take('read', given, 'inputs:list outputs:list', varargin);
+[~, contents] = tokid.internal.run(call, nargout);
 end

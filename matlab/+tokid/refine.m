@@ -22,15 +22,7 @@ function [model, evidence] = refine(model, varargin)
 % SPDX-License-Identifier: BSD-3-Clause
 
 tokid.internal.need(nargin, 'model');
-known = {'smoothing', 'value'; 'period', 'value'; 'feedthrough', 'switch'; 'iterations', 'value'; ...
-         'initial_state', 'value'; 'threads', 'value'; 'print', 'own'; 'inputs', 'list'; 'outputs', 'list'};
-[folder, clean] = tokid.internal.folder(); %#ok<ASGLU>
-[start, of_model] = tokid.internal.take_model(folder, model);
-[data, pairs, files] = tokid.internal.take_data(folder, true, varargin, model, {'initial_state'});
-[words, own] = tokid.internal.options('refine', known, pairs, tokid.internal.data_fields());
-files = [of_model; files];
-file = fullfile(folder, 'new_model.mat');
-files(end + 1, :) = {file, 'model'};
-evidence = tokid.internal.run([{'refine', start, data, '-o', file}, words], folder, files, own, nargout > 1);
-model = tokid.internal.read_mat(file);
+given = {'', 'model', 'model', model; '', 'data', 'data', []; '-o', 'new', 'model', []};
+known = ['smoothing period feedthrough:switch iterations initial_state threads print:own inputs:list outputs:list'];
+[evidence, model] = tokid.internal.run(tokid.internal.take('refine', given, known, varargin), nargout);
 end

@@ -25,95 +25,49 @@ function evidence = report(page, model, varargin)
 % SPDX-License-Identifier: BSD-3-Clause
 
 tokid.internal.need(nargin, 'page', 'model');
-known = {'horizon', 'value'; 'from', 'value'; 'experiments', 'value'; 'at', 'list'; 'bands', 'own'; 'compare', 'own'; ...
-         'compare_names', 'own'; 'inputs', 'list'; 'outputs', 'list'};
-[folder, clean] = tokid.internal.folder(); %#ok<ASGLU>
-[file, of_model] = tokid.internal.take_model(folder, model);
-[data, pairs, files] = tokid.internal.take_data(folder, true, varargin, model, {});
-[words, own] = tokid.internal.options('report', known, pairs, tokid.internal.data_fields());
-others = {};
-if isfield(own, 'compare')
-  others = own.compare;
-end
-if isa(others, 'string')
-  others = cellstr(others);
-elseif ~iscell(others)
-  others = {others};
-end
-names = labels(own, numel(others));
-[named_folder, clean_named] = tokid.internal.folder(); %#ok<ASGLU>
-if isfield(own, 'compare_names') && ~isempty(names{1})
-  [file, of_model] = named_model(named_folder, model, names{1});
-end
-for i = 1:numel(others)
-  if isfield(own, 'compare_names')
-    [other, of_other] = named_model(named_folder, others{i}, names{i + 1});
-  else
-    [other, of_other] = tokid.internal.take_model(folder, others{i}, sprintf('other_%d', i));
+given = {'', 'model', 'model', model; '', 'data', 'data', []; '-o', 'file', 'page', page};
+known = 'horizon from experiments at:list bands:data compare:own compare_names:own inputs:list outputs:list';
+call = tokid.internal.take('report', given, known, varargin);
+models = {model};
+if isfield(call.said, 'compare')
+  others = call.said.compare;
+  if isa(others, 'string')
+    others = cellstr(others);
+  elseif ~iscell(others)
+    others = {others};
   end
-  words = [words, {'--compare', other}]; %#ok<AGROW>
-  files = [files; of_other]; %#ok<AGROW>
+  models = [models, reshape(others, 1, [])];
 end
-if isfield(own, 'bands')
-  [training, of_training] = training_file(folder, own.bands, model);
-  words = [words, {'--bands', training}];
-  files = [files; of_training];
+names = [{'model'}, arrayfun(@(i) sprintf('other_%d', i), 1:numel(models) - 1, 'UniformOutput', false)];
+if isfield(call.said, 'compare_names')
+  [names, named] = labels(call.said.compare_names, numel(models) - 1);
+  files = ~cellfun(@isstruct, models) & named;
+  models(files) = cellfun(@tokid.read, models(files), 'UniformOutput', false); % to be written by their names
 end
-words = [{'report', file, data, '-o', tokid.internal.file_name(page), '--json'}, words];
-output = tokid.internal.call(words, folder, [of_model; files]);
+call.given(1, 3:4) = [names(1), models(1)];
+for i = 2:numel(models)
+  call.given(end + 1, :) = {'--compare', 'model', names{i}, models{i}};
+end
+found = tokid.internal.run(call, nargout);
 if nargout > 0
-  evidence = tokid.internal.decode(output, folder);
+  evidence = found;
 end
 end
 
-function names = labels(own, others)
-% The names of the model and of the others; '' where the model has none.
-names = {};
-if ~isfield(own, 'compare_names')
-  return
-end
-given = own.compare_names;
-if ~(ischar(given) || iscellstr(given) || isa(given, 'string'))
+function [names, named] = labels(names, others)
+% The names of all models, and which of them have their names from the user.
+if ~(ischar(names) || iscellstr(names) || isa(names, 'string'))
   error('tokid:option', 'report: option ''compare_names'': a value of class %s found, a cell of texts needed', ...
-        class(given));
+        class(names));
 end
-names = reshape(cellstr(given), 1, []);
+names = regexprep(reshape(cellstr(names), 1, []), '[/\\:*?"<>|\x01-\x1f]', '_'); % the page shows names of files
 if others == 0 || ~any(numel(names) == [others, others + 1])
   error('tokid:option', ['report: option ''compare_names'': %d names found beside %d models in ''compare'', one for ' ...
                          'each of them needed, or also one for the model before these'], numel(names), others);
 end
-files = regexprep(names, '[/\\:*?"<>|\x01-\x1f]', '_'); % the page shows names of files
-if any(cellfun(@isempty, names)) || numel(unique(files)) < numel(names)
+named = [numel(names) > others, true(1, others)];
+names = [repmat({'model'}, 1, ~named(1)), names];
+if any(cellfun(@isempty, names)) || numel(unique(names)) < numel(names)
   error('tokid:option', 'report: option ''compare_names'': an empty name or equal names found, different ones needed');
 end
-names = files;
-if numel(names) == others
-  names = [{''}, names];
-end
-end
-
-function [file, files] = named_model(folder, model, name)
-% The model in a file of this name.
-if ~isstruct(model)
-  model = tokid.read(model);
-end
-[file, files] = tokid.internal.take_model(folder, model, name);
-end
-
-function [file, files] = training_file(folder, data, model)
-if ischar(data) || isa(data, 'string')
-  file = tokid.internal.file_name(data);
-  files = cell(0, 2);
-  return
-end
-if isa(data, 'iddata')
-  data = tokid.internal.of_iddata(data);
-end
-data = tokid.internal.ensemble(data, true);
-if ~isfield(data, 'dt') && isstruct(model) && isfield(model, 'dt')
-  data.dt = model.dt;
-end
-file = fullfile(folder, 'bands.mat');
-files = {file, 'bands'};
-tokid.internal.write_ensemble(file, data);
 end

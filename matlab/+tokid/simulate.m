@@ -27,49 +27,32 @@ tokid.internal.need(nargin, 'model', 'u');
 if ischar(model) || isa(model, 'string')
   model = tokid.read(model);
 end
-tokid.internal.check_model(model, {'A', 'B', 'C', 'D', 'state_dim'});
-known = {'x0', 'own'; 'estimate_state', 'flag'};
-lengths = [];
-if iscell(u)
-  lengths = cellfun(@(c) size(c, 1), u(:));
-elseif ischar(u) || isa(u, 'string')
+if ischar(u) || isa(u, 'string')
   u = tokid.read(u);
 end
-if isa(u, 'iddata')
-  data = tokid.internal.of_iddata(u);
-  lengths = cellfun(@(c) size(c, 1), data.u(:));
-elseif isstruct(u)
-  data = u;
-else
-  data = struct();
-  data.u = u;
-end
-[data, pairs] = tokid.internal.take_fields(data, varargin);
-[estimate, own] = tokid.internal.options('simulate', known, pairs, tokid.internal.data_fields());
-data = tokid.internal.ensemble(data, false);
-data.dt = value_of(data, 'dt', value_of(model, 'dt', 1));
-
-if ~isempty(estimate)
-  if nargout > 1 || isfield(own, 'x0')
+checked = tokid.internal.check_model(model, {'A', 'B', 'C', 'D', 'state_dim'});
+[data, said, lengths] = tokid.internal.take_data('simulate', {'x0', 'estimate_state'}, [{u}, varargin], false);
+if isfield(said, 'estimate_state') && tokid.internal.truth('simulate', 'estimate_state', said.estimate_state)
+  if nargout > 1 || isfield(said, 'x0')
     error('tokid:option', 'simulate: option ''estimate_state'' goes neither with ''x0'' nor with the states x');
+  elseif ~isfield(data, 'y')
+    error('tokid:shape', 'y: none found; ''estimate_state'' needs the outputs of the first steps');
   end
-  y = by_tool(model, data);
+  given = {'', 'model', 'model', model; '', 'data', 'data', data; '-o', 'new', 'simulated', []};
+  call = tokid.internal.take('simulate', given, 'estimate_state:flag', {'estimate_state', true});
+  [~, simulated] = tokid.internal.run(call, nargout);
+  y = simulated.y;
 else
-  tell_differences(model, data);
-  [y, x] = natively(model, data, own);
+  tell_differences(checked, data);
+  [y, x] = natively(checked, data, said);
 end
-if ~isempty(lengths)
-  y = tokid.internal.as_cells(y, lengths);
-end
+y = tokid.internal.as_cells(y, lengths);
 end
 
-function [y, x] = natively(model, data, own)
+function [y, x] = natively(model, data, said)
 [N, T, r] = size(data.u);
-m = size(model.C, 1);
-n = size(model.A, 1);
-S = size(model.A, 3);
-P = double(value_of(model, 'period', 0));
-begin = double(value_of(model, 'k_begin', 0));
+[m, n, S] = size(model.C);
+[P, begin] = deal(model.period, model.k_begin);
 if r ~= size(model.B, 2)
   error('tokid:shape', 'inputs: %d found, the model has %d', r, size(model.B, 2));
 end
@@ -83,12 +66,12 @@ if isfield(data, 'length')
     u(:, i, data.length(i) + 1:end) = NaN;
   end
 end
-u = plus_nominal(u, -value_of(model, 'u_nominal', []), P);
+u = plus_nominal(u, -model.u_nominal, P);
 y = nan(m, N, T);
 x = nan(n, N, T + 1);
-[both, state_dim, varies] = joined(model, n, S);
+both = cat(1, cat(2, model.C, model.D), cat(2, model.A, model.B));
 state = zeros(n, N);
-first = first_states(model, data, own, N, begin);
+first = first_states(model, data, said, N);
 state(1:size(first, 1), :) = first;
 for k = begin:stop - 1 % step k has the samples k+1 and the matrices s
   s = k - begin + 1;
@@ -99,9 +82,7 @@ for k = begin:stop - 1 % step k has the samples k+1 and the matrices s
   result = both(:, :, s) * [state; u(:, :, k + 1)];
   y(:, :, k + 1) = result(1:m, :);
   state = result(m + 1:m + n, :);
-  if varies
-    state(state_dim(s + 1) + 1:n, :) = 0; % where a missing input has left NaN
-  end
+  state(model.state_dim(s + 1) + 1:n, :) = 0; % where a missing input has left NaN
 end
 if stop > begin
   x(:, :, stop + 1) = state;
@@ -109,31 +90,14 @@ end
 if all(isnan(y(:)))
   warning('tokid:simulate', 'all computed outputs are missing (NaN): the model gives no output at any step of the data');
 end
-y = permute(plus_nominal(y, value_of(model, 'y_nominal', []), P), [2, 3, 1]);
+y = permute(plus_nominal(y, model.y_nominal, P), [2, 3, 1]);
 x = permute(x, [2, 3, 1]);
-end
-
-function [both, state_dim, varies] = joined(model, n, S)
-% [C D; A B] of every step, with zeros where fewer than n states are in use
-both = cat(1, cat(2, double(model.C), double(model.D)), cat(2, double(model.A), double(model.B)));
-state_dim = double(model.state_dim);
-varies = any(state_dim < n);
-if varies
-  m = size(model.C, 1);
-  for s = 1:S
-    both(m + state_dim(s + 1) + 1:m + n, :, s) = 0;
-    both(:, state_dim(s) + 1:n, s) = 0;
-  end
-end
 end
 
 function values = plus_nominal(values, nominal, P)
 % values (channels x N x T) and the mean motion (steps x channels), which goes on as a periodic model does
 T = size(values, 3);
 known = size(nominal, 1);
-if isempty(nominal)
-  return
-end
 steps = 1:min(known, T);
 if P > 0 && known >= P
   steps = [steps, known - P + 1 + mod(0:T - known - 1, P)];
@@ -141,22 +105,17 @@ end
 values(:, :, 1:numel(steps)) = values(:, :, 1:numel(steps)) + permute(nominal(steps, :), [2, 3, 1]);
 end
 
-function state = first_states(model, data, own, N, begin)
-n = 0;
-if ~isempty(model.state_dim)
-  n = double(model.state_dim(1));
-end
+function state = first_states(model, data, said, N)
+n = sum(model.state_dim(1:min(1, end)));
 state = zeros(n, N);
-if isfield(own, 'x0') && ~isempty(own.x0)
-  x0 = own.x0;
-  if ~(isnumeric(x0) || islogical(x0)) || ~isreal(x0)
+if isfield(said, 'x0') && ~isempty(said.x0)
+  x0 = said.x0;
+  if ~tokid.internal.is_real(x0)
     error('tokid:shape', 'x0: a value of class %s found, real numbers needed', class(x0));
-  end
-  x0 = double(x0);
-  if isequal(size(x0), [N, n])
-    state = x0';
+  elseif isequal(size(x0), [N, n])
+    state = double(x0)';
   elseif isvector(x0) && numel(x0) == n
-    state = repmat(x0(:), 1, N);
+    state = repmat(double(x0(:)), 1, N);
   else
     error('tokid:shape', 'x0: %d x %d found, %d experiments x %d states needed, or %d numbers', size(x0, 1), ...
           size(x0, 2), N, n, n);
@@ -171,17 +130,16 @@ if n > 0 && strcmp(of_data, 'unknown') && strcmp(of_model, 'unknown') && numel(v
   state = repmat(model.x0_mean(:), 1, N);
   start = 'mean initial state';
 end
-if n > 0 && ~(strcmp(of_data, 'zero') && begin == 0)
+if n > 0 && ~(strcmp(of_data, 'zero') && model.k_begin == 0)
   warning('tokid:simulate', ['the initial states are unknown: the simulation starts from the %s at step %d, ' ...
-                             'where the model begins'], start, begin);
+                             'where the model begins'], start, model.k_begin);
 end
 end
 
 function tell_differences(model, data)
 % Differences that are no error, but may be a mistake.
-dt = value_of(model, 'dt', 1);
-if abs(dt - data.dt) > 1e-6 * dt
-  warning('tokid:simulate', 'the data''s dt = %g s differs from the model''s dt = %g s', data.dt, dt);
+if isfield(data, 'dt') && abs(model.dt - data.dt) > 1e-6 * model.dt
+  warning('tokid:simulate', 'the data''s dt = %g s differs from the model''s dt = %g s', data.dt, model.dt);
 end
 found = value_of(data, 'input_names', {});
 known = cellstr(value_of(model, 'input_names', {}));
@@ -189,21 +147,6 @@ if ~isempty(found) && ~isempty(known) && ~isequal(found(:), known(:))
   warning('tokid:simulate', 'the data''s inputs are named %s, the model''s %s', strjoin(found(:)', ', '), ...
           strjoin(known(:)', ', '));
 end
-end
-
-function y = by_tool(model, data)
-if ~isfield(data, 'y')
-  error('tokid:shape', 'y: none found; ''estimate_state'' needs the outputs of the first steps');
-end
-[folder, clean] = tokid.internal.folder(); %#ok<ASGLU>
-[of_model, files] = tokid.internal.take_model(folder, model);
-inputs = fullfile(folder, 'data.mat');
-tokid.internal.write_ensemble(inputs, data);
-computed = fullfile(folder, 'simulated.mat');
-tokid.internal.call({'simulate', of_model, inputs, '-o', computed, '--estimate-state'}, folder, ...
-                    [files; {inputs, 'data'}]);
-computed = tokid.internal.read_mat(computed);
-y = computed.y;
 end
 
 function value = value_of(s, name, default)

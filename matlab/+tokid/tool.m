@@ -10,45 +10,37 @@ function path = tool(path)
 
 % SPDX-License-Identifier: BSD-3-Clause
 
-persistent chosen found told resolved
+persistent chosen named resolved found
 if nargin > 0
   if isempty(path) || (isa(path, 'string') && all(strlength(path) == 0))
     path = '';
   else
-    path = tokid.internal.absolute(tokid.internal.file_name(path));
-    if ~is_file(path)
-      error('tokid:toolNotFound', '%s: no such file', path);
-    end
+    path = existing(absolute(tokid.internal.file_name(path)), '');
   end
-  chosen = path;
-  found = '';
-  told = '';
-  if isempty(chosen)
-    return
-  end
+  [chosen, named, found] = deal(path, '', '');
 end
-if ~isempty(chosen)
+if ~isempty(chosen) || nargin > 0
   path = chosen;
   return
 end
-named = getenv('TOKID');
+if ~strcmp(getenv('TOKID'), named) || exist(resolved, 'file') ~= 2
+  named = getenv('TOKID');
+  resolved = absolute(named);
+end
 if ~isempty(named)
-  if ~strcmp(named, told)
-    resolved = tokid.internal.absolute(named);
-    told = named;
-  end
-  if ~is_file(resolved)
-    told = '';
-    error('tokid:toolNotFound', '%s: no such file; the environment variable TOKID should hold the path of the tool', ...
-          named);
-  end
-  path = resolved;
+  path = existing(resolved, '; the environment variable TOKID should hold the path of the tool');
   return
 end
-if isempty(found) || ~is_file(found)
+if isempty(found) || exist(found, 'file') ~= 2
   found = search();
 end
 path = found;
+end
+
+function path = existing(path, advice)
+if exist(path, 'file') ~= 2
+  error('tokid:toolNotFound', '%s: no such file%s', path, advice);
+end
 end
 
 function path = search()
@@ -60,8 +52,8 @@ here = fileparts(fileparts(mfilename('fullpath'))); % the folder of +tokid
 folders = [{fullfile(fileparts(fileparts(fileparts(here))), 'bin'), fullfile(fileparts(here), 'build', 'bin')}, ...
            strsplit(getenv('PATH'), pathsep())];
 for i = 1:numel(folders)
-  path = tokid.internal.absolute(fullfile(folders{i}, name));
-  if ~isempty(folders{i}) && is_file(path)
+  path = absolute(fullfile(folders{i}, name));
+  if ~isempty(folders{i}) && exist(path, 'file') == 2
     return
   end
 end
@@ -69,6 +61,9 @@ error('tokid:toolNotFound', ['the program tokid was not found on PATH; install i
                              'tokid.tool(''path''), or by the environment variable TOKID']);
 end
 
-function yes = is_file(path)
-yes = exist(path, 'file') == 2;
+function file = absolute(file)
+% The name of a file that stays good when the current folder changes.
+if isempty(regexp(file, '^[\\/]', 'once')) && ~(ispc() && ~isempty(regexp(file, '^[A-Za-z]:[\\/]', 'once')))
+  file = fullfile(pwd(), regexprep(file, '^(\./+)+', ''));
+end
 end

@@ -18,13 +18,7 @@ function [model, evidence] = update(state, varargin)
 % SPDX-License-Identifier: BSD-3-Clause
 
 tokid.internal.need(nargin, 'state');
-known = {'wait', 'value'; 'threads', 'value'; 'print', 'own'; 'inputs', 'list'; 'outputs', 'list'};
-[folder, clean] = tokid.internal.folder(); %#ok<ASGLU>
-[data, pairs, files] = tokid.internal.take_data(folder, true, varargin, {state}, {});
-[words, own] = tokid.internal.options('update', known, pairs, tokid.internal.data_fields());
-file = fullfile(folder, 'new_model.mat');
-files(end + 1, :) = {file, 'model'};
-evidence = tokid.internal.run([{'update', tokid.internal.file_name(state), data, '-o', file}, words], folder, files, ...
-                              own, nargout > 1);
-model = tokid.internal.read_mat(file);
+given = {'', 'state', 'state', state; '', 'data', 'data', []; '-o', 'new', 'model', []};
+known = 'wait threads print:own inputs:list outputs:list';
+[evidence, model] = tokid.internal.run(tokid.internal.take('update', given, known, varargin), nargout);
 end

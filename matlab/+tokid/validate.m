@@ -22,15 +22,13 @@ function evidence = validate(model, varargin)
 % SPDX-License-Identifier: BSD-3-Clause
 
 tokid.internal.need(nargin, 'model');
-known = {'horizon', 'value'; 'from', 'value'; 'cross_validate', 'value'; 'inputs', 'list'; 'outputs', 'list'};
-[folder, clean] = tokid.internal.folder(); %#ok<ASGLU>
-[file, of_model] = tokid.internal.take_model(folder, model);
-[data, pairs, files] = tokid.internal.take_data(folder, true, varargin, model, {});
-words = tokid.internal.options('validate', known, pairs, tokid.internal.data_fields());
-words = [{'validate', file, data}, words];
+given = {'', 'model', 'model', model; '', 'data', 'data', []};
+known = 'horizon from cross_validate inputs:list outputs:list';
+call = tokid.internal.take('validate', given, known, varargin);
+call.known(end + 1, :) = {'print', 'own'};
+call.said.print = nargout == 0;
+found = tokid.internal.run(call, 1);
 if nargout > 0
-  evidence = tokid.internal.run(words, folder, [of_model; files], struct(), true);
-else
-  tokid.internal.run(words, folder, [of_model; files], struct('print', true), false);
+  evidence = found;
 end
 end

@@ -13,18 +13,10 @@ function write(file, contents, varargin)
 % SPDX-License-Identifier: BSD-3-Clause
 
 tokid.internal.need(nargin, 'file', 'contents');
-words = tokid.internal.options('write', {'mat73', 'flag'}, varargin);
-[folder, clean] = tokid.internal.folder(); %#ok<ASGLU>
-copy = fullfile(folder, 'contents.mat');
+kind = 'data';
 if isstruct(contents) && isfield(contents, 'A')
-  tokid.internal.write_model(copy, contents);
-  name = 'model';
-else
-  if isa(contents, 'iddata')
-    contents = tokid.internal.of_iddata(contents);
-  end
-  tokid.internal.write_ensemble(copy, tokid.internal.ensemble(contents, false));
-  name = 'data';
+  kind = 'model';
 end
-tokid.internal.call([{'convert', copy, tokid.internal.file_name(file)}, words], folder, {copy, name});
+given = {'', kind, kind, contents; '', 'file', 'file', file};
+tokid.internal.run(tokid.internal.take('write', given, 'mat73:flag', varargin), nargout);
 end

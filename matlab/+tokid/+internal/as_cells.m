@@ -1,10 +1,10 @@
-function cells = as_cells(values, lengths)
-% N x T x channels as N cells of T_i x channels.
+function values = as_cells(values, lengths)
+% N x T x channels as N cells of T_i x channels, if the experiments have lengths.
 
 % SPDX-License-Identifier: BSD-3-Clause
 
-cells = cell(numel(lengths), 1);
-for i = 1:numel(lengths)
-  cells{i} = reshape(values(i, 1:lengths(i), :), lengths(i), size(values, 3));
+if ~isempty(lengths)
+  values = arrayfun(@(i) reshape(values(i, 1:lengths(i), :), lengths(i), size(values, 3)), (1:numel(lengths))', ...
+                    'UniformOutput', false);
 end
 end

@@ -1,5 +1,7 @@
-function check_model(model, needed)
-% Is this a model, with these fields, and do they fit together? Errors: tokid:model.
+function model = check_model(model, needed)
+% model = tokid.internal.check_model(model, needed) checks that this is a model with the fields `needed`, which must
+% fit together. In the result, these are doubles, and zero outside the dimensions in use, where the model may hold
+% anything. The settings that may be absent have their defaults. Errors: tokid:model.
 
 % SPDX-License-Identifier: BSD-3-Clause
 
@@ -11,87 +13,69 @@ missing = needed(~isfield(model, needed));
 if ~isempty(missing)
   error('tokid:model', 'model: the field %s is missing', strjoin(missing, ', '));
 end
-
-for i = 1:numel(needed)
-  check_numbers(needed{i}, model.(needed{i}));
+for name = needed
+  model.(name{1}) = numbers(name{1}, model.(name{1}));
 end
-n = size(model.A, 1);
-r = size(model.B, 2);
-m = size(model.C, 1);
-S = size(model.A, 3);
-sizes = struct('A', [n, n, S], 'B', [n, r, S], 'C', [m, n, S], 'D', [m, r, S], 'G', [n, m, S]);
-matrices = needed(~strcmp(needed, 'state_dim'));
-for i = 1:numel(matrices)
-  name = matrices{i};
-  found = size(model.(name));
-  if ~isequal([found, ones(1, 3 - numel(found))], sizes.(name))
-    error('tokid:model', 'model: %s: %s found, %s needed beside A of %s', name, shape(found), shape(sizes.(name)), ...
-          shape(size(model.A)));
+[n, r, m, S] = deal(size(model.A, 1), size(model.B, 2), size(model.C, 1), size(model.A, 3));
+sizes = struct('A', [n, n], 'B', [n, r], 'C', [m, n], 'D', [m, r], 'G', [n, m]);
+matrices = needed(isfield(sizes, needed));
+for name = matrices
+  [rows, columns, steps] = size(model.(name{1}));
+  if ~isequal([rows, columns, steps], [sizes.(name{1}), S])
+    error('tokid:model', 'model: %s: %s found, %d x %d x %d needed beside A of %s', name{1}, ...
+          tokid.internal.shape(model.(name{1})), sizes.(name{1}), S, tokid.internal.shape(model.A));
   end
 end
-states = double(model.state_dim(:));
+states = model.state_dim(:);
 if numel(states) ~= S + 1
   error('tokid:model', 'model: state_dim: %d numbers found, %d needed for %d steps', numel(states), S + 1, S);
 elseif ~all(states >= 0 & states <= n & states == fix(states))
   error('tokid:model', 'model: state_dim: whole numbers from 0 to %d needed', n);
 end
-for i = 1:numel(matrices)
-  check_finite(matrices{i}, model.(matrices{i}), states);
+for s = find(states(1:S) < n | states(2:S + 1) < n)'
+  for name = intersect(matrices, {'A', 'B', 'G'})
+    model.(name{1})(states(s + 1) + 1:n, :, s) = 0;
+  end
+  model.A(:, states(s) + 1:n, s) = 0;
+  model.C(:, states(s) + 1:n, s) = 0;
 end
-check_scalar(model, 'dt', @(v) v > 0 && ~isinf(v), 'a positive time in seconds');
-check_scalar(model, 'k_begin', @(v) v >= 0 && v == fix(v), 'a whole number from 0 on');
-check_scalar(model, 'period', @(v) v >= 0 && v == fix(v), 'a whole number from 0 on');
-check_nominal(model, 'u_nominal', r);
-check_nominal(model, 'y_nominal', m);
+for name = matrices
+  s = find(~all(all(isfinite(model.(name{1})), 1), 2), 1);
+  if ~isempty(s)
+    error('tokid:model', 'model: %s(:, :, %d) is not finite', name{1}, s);
+  end
+end
+model = setting(model, 'dt', 1, @(v) isscalar(v) && v > 0 && ~isinf(v), 'a positive time in seconds');
+model = setting(model, 'k_begin', 0, @whole, 'a whole number from 0 on');
+model = setting(model, 'period', 0, @whole, 'a whole number from 0 on');
+model = setting(model, 'u_nominal', zeros(0, r), @(v) ismatrix(v) && size(v, 2) == r, sprintf('T x %d', r));
+model = setting(model, 'y_nominal', zeros(0, m), @(v) ismatrix(v) && size(v, 2) == m, sprintf('T x %d', m));
 end
 
-function check_numbers(name, value)
-if ~(isnumeric(value) || islogical(value)) || ~isreal(value)
-  error('tokid:model', 'model: %s: %s of class %s found, real numbers needed', name, shape(size(value)), class(value));
-end
+function yes = whole(value)
+yes = isscalar(value) && value >= 0 && value == fix(value);
 end
 
-function check_finite(name, value, states)
-% What lies outside the dimensions in use is not read.
-if all(isfinite(value(:)))
+function value = numbers(name, value)
+if ~tokid.internal.is_real(value)
+  error('tokid:model', 'model: %s: %s of class %s found, real numbers needed', name, tokid.internal.shape(value), ...
+        class(value));
+end
+value = double(value);
+end
+
+function model = setting(model, name, default, fits, needed)
+if ~isfield(model, name) || isempty(model.(name))
+  model.(name) = default;
   return
 end
-for s = 1:size(value, 3)
-  rows = 1:size(value, 1);
-  columns = 1:size(value, 2);
-  if any(strcmp(name, {'A', 'B', 'G'}))
-    rows = 1:states(s + 1);
+value = numbers(name, model.(name));
+if ~fits(value)
+  found = tokid.internal.shape(value);
+  if numel(value) < 3
+    found = mat2str(value);
   end
-  if any(strcmp(name, {'A', 'C'}))
-    columns = 1:states(s);
-  end
-  used = value(rows, columns, s);
-  if ~all(isfinite(used(:)))
-    error('tokid:model', 'model: %s(:, :, %d) is not finite', name, s);
-  end
+  error('tokid:model', 'model: %s: %s found, %s needed', name, found, needed);
 end
-end
-
-function check_scalar(model, name, right, needed)
-if isfield(model, name) && ~isempty(model.(name))
-  value = model.(name);
-  check_numbers(name, value);
-  if ~isscalar(value) || ~right(value)
-    error('tokid:model', 'model: %s: %s found, %s needed', name, mat2str(double(value)), needed);
-  end
-end
-end
-
-function check_nominal(model, name, channels)
-if isfield(model, name) && ~isempty(model.(name))
-  value = model.(name);
-  check_numbers(name, value);
-  if ndims(value) > 2 || size(value, 2) ~= channels %#ok<ISMAT>
-    error('tokid:model', 'model: %s: %s found, T x %d needed', name, shape(size(value)), channels);
-  end
-end
-end
-
-function text = shape(sizes)
-text = strjoin(arrayfun(@(n) sprintf('%d', n), sizes, 'UniformOutput', false), ' x ');
+model.(name) = value;
 end

@@ -3,13 +3,10 @@ function file = file_name(file)
 
 % SPDX-License-Identifier: BSD-3-Clause
 
-if isa(file, 'string') && isscalar(file)
-  file = char(file);
+if ~tokid.internal.is_text(file)
+  error('tokid:input', 'the name of a file needed, %s of class %s found', tokid.internal.shape(file), class(file));
 end
-if ~ischar(file) || size(file, 1) ~= 1
-  error('tokid:input', 'the name of a file needed, %s of class %s found', ...
-        strjoin(arrayfun(@(n) sprintf('%d', n), size(file), 'UniformOutput', false), ' x '), class(file));
-end
+file = char(file);
 if ~ispc() && (strcmp(file, '~') || strncmp(file, '~/', 2))
   file = [getenv('HOME'), file(2:end)];
 elseif strncmp(file, '-', 1)

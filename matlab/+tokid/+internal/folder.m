@@ -1,18 +1,16 @@
 function [folder, clean] = folder()
-% [folder, clean] = tokid.internal.folder() makes a folder for the files of one call, which is removed when `clean` goes
-% out of scope, also by an error or Ctrl-C.
+% [folder, clean] = tokid.internal.folder() makes a folder for the files of one call, with a folder 'models' in it. They
+% are removed when `clean` goes out of scope, also by an error or Ctrl-C.
 
 % SPDX-License-Identifier: BSD-3-Clause
 
-for attempt = 1:100
-  folder = tempname();
-  [made, message] = private_folder(folder);
-  if made && isempty(message) % with a message it was there before, and is not ours
-    clean = onCleanup(@() remove(folder));
-    return
-  end
+folder = tempname();
+[made, message] = private_folder(folder);
+if ~made || ~isempty(message) % with a message it was there before, and is not ours
+  error('tokid:folder', '%s: no folder can be made for temporary files: %s', folder, message);
 end
-error('tokid:folder', '%s: no folder can be made for temporary files: %s', folder, message);
+clean = onCleanup(@() remove(folder));
+mkdir(folder, 'models');
 end
 
 function [made, message] = private_folder(folder)
@@ -31,16 +29,9 @@ end
 end
 
 function remove(folder)
-entries = dir(folder);
-for i = 1:numel(entries)
-  if ~entries(i).isdir
-    file = fullfile(folder, entries(i).name);
-    if tokid.internal.is_octave()
-      feval('unlink', file); % delete() would take the name for a pattern
-    else
-      delete(file);
-    end
-  end
+if tokid.internal.is_octave()
+  before = feval('confirm_recursive_rmdir', false);
+  restore = onCleanup(@() feval('confirm_recursive_rmdir', before));
 end
-rmdir(folder);
+rmdir(folder, 's');
 end

@@ -9,17 +9,17 @@ text = strrep(text, '--inputs ''A,B'' --outputs ''C,D''', '''inputs'', {''A'', '
 text = regexprep(text, '--no-(feedthrough|refine)(?![\w-])', '''$1'', false');
 % Not within the name of a file, such as './--x' or '--x.mat'.
 [rest, found] = regexp(text, '(?<![\w./''"-])--[a-z][a-z0-9-]*(?![\w.-]*\.\w)', 'split', 'match');
-names = cellfun(@(name) strrep(name(3:end), '-', '_'), found, 'UniformOutput', false);
-here = ismember(names, tokid.internal.all_options());
+% Only the tool has these options. Those of the first row are for recordings in .csv files.
+recordings = {'--time', '--experiment-column', '--missing', '--dates', '--trigger', '--before', '--resample', ...
+              '--resample-method', '--held', '--longest-gap'};
+others = {'--verbose', '--json', '--quiet', '--output', '--version', '--help', '--confidence', '--simulate', ...
+          '--experiment'};
+here = ~ismember(found, [recordings, others]);
 words = found;
-words(here) = cellfun(@(name) ['''', name, ''''], names(here), 'UniformOutput', false);
+words(here) = cellfun(@(name) ['''', strrep(name(3:end), '-', '_'), ''''], found(here), 'UniformOutput', false);
 pieces = [rest; [words, {''}]];
 text = regexprep([pieces{:}], '^''(\w+)'':', 'option ''$1'':');
-
-% Options for recordings in .csv files, which only the tool has
-alone = {'time', 'experiment_column', 'missing', 'dates', 'trigger', 'before', 'resample', 'resample_method', ...
-         'held', 'longest_gap'};
-alone = found(ismember(names, alone));
+alone = found(ismember(found, recordings));
 if ~isempty(alone)
   text = sprintf(['%s. The functions for MATLAB do not have %s. Convert the file by ''tokid convert'' with this ' ...
                   'option, and read the result'], text, alone{1});

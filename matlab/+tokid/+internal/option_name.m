@@ -1,14 +1,10 @@
-function name = option_name(pairs, i)
-% The name at place i of a list of names and values: 'hold_out', whether 'Hold_Out', 'hold-out' or "hold_out" was given.
+function name = option_name(name)
+% The name of an option as the functions know it: 'hold_out' for 'Hold_Out', 'hold-out' and "hold_out".
 
 % SPDX-License-Identifier: BSD-3-Clause
 
-name = pairs{i};
-if isa(name, 'string') && isscalar(name)
-  name = char(name);
-end
-if ~ischar(name) || size(name, 1) ~= 1
+if ~tokid.internal.is_text(name)
   error('tokid:option', 'the name of an option needed, a value of class %s found', class(name));
 end
-name = strrep(lower(name), '-', '_');
+name = strrep(lower(char(name)), '-', '_');
 end

@@ -1,33 +1,55 @@
-function evidence = run(words, folder, files, own, wanted)
-% evidence = tokid.internal.run(words, folder, files, own, wanted) runs the tool and gives the evidence that it prints
-% as JSON. With own.print, the tool's report appears in the command window instead, and the evidence is []. `wanted`:
-% whether the caller wants the evidence. `folder`, `files`: as tokid.internal.call has them. Errors: tokid:option.
+function [evidence, varargout] = run(call, results)
+% [evidence, contents, ...] = tokid.internal.run(call, results) runs the tool for a call of tokid.internal.take. The
+% evidence is what the tool prints as JSON. With call.said.print, the tool's report appears in the command window
+% instead, and the evidence is []. For each argument of the kind 'new', the contents of this file follow. `results` is
+% the number of results of the public function, of which the second is the evidence. Errors: tokid:option.
 
 % SPDX-License-Identifier: BSD-3-Clause
 
-printed = false;
-if isfield(own, 'print')
-  printed = own.print;
-  if ~(islogical(printed) || isnumeric(printed)) || ~isscalar(printed) || ~(printed == 0 || printed == 1)
-    error('tokid:option', '%s: option ''print'': true or false needed', words{1});
+command = call.command;
+printed = isfield(call.said, 'print') && tokid.internal.truth(command, 'print', call.said.print);
+if printed && results > 1
+  error('tokid:option', ['%s: option ''print'' found beside the result evidence. The tool prints either its report ' ...
+                         'or the evidence. Leave one of them out'], command);
+end
+rows = call.given;
+for name = fieldnames(call.said)'
+  kind = call.known{strcmp(name{1}, call.known(:, 1)), 2};
+  rows(end + 1, :) = {['--', strrep(name{1}, '_', '-')], kind, name{1}, call.said.(name{1})}; %#ok<AGROW>
+end
+[folder, clean] = tokid.internal.folder(); %#ok<ASGLU>
+words = {regexprep(command, '^(read|write)$', 'convert')};
+new = {};
+for i = 1:size(rows, 1)
+  words = [words, tokid.internal.words(call, folder, rows{i, :})]; %#ok<AGROW>
+  if strcmp(rows{i, 2}, 'new')
+    new{end + 1} = words{end}; %#ok<AGROW>
   end
 end
-if ~printed
-  evidence = tokid.internal.decode(tokid.internal.call([words, {'--json'}], folder, files), folder);
-  return
-elseif wanted
-  error('tokid:option', ['%s: option ''print'' found beside the result evidence. The tool prints either its report ' ...
-                         'or the evidence. Leave one of them out'], words{1});
+evidence = [];
+if printed
+  show(tokid.internal.without_paths(tokid.internal.call(words, folder), folder));
+elseif any(strcmp(command, {'read', 'write', 'example', 'predict', 'simulate'}))
+  tokid.internal.call(words, folder);
+else
+  evidence = tokid.internal.decode(tokid.internal.call([words, {'--json'}], folder), folder);
 end
-output = tokid.internal.call(words, folder, files);
-for i = 1:size(files, 1)
-  % A name with blanks may be broken into two lines.
-  pattern = strrep(regexptranslate('escape', files{i, 1}), ' ', '\s+');
-  output = regexprep(output, pattern, files{i, 2});
+varargout = cellfun(@contents_of, new, 'UniformOutput', false);
 end
+
+function show(output)
 % The calls of the tool after Next name temporary files. The purpose of such a call goes with it.
 purpose = '(;\s+for\s[^:]*|,\s+for\s+example\s[^:]*)?';
-output = regexprep(output, ['((^|\n)Next .*?)', purpose, ':\s+tokid .*?(?=\n\S|\s*$)'], '$1');
-fprintf('%s', output);
-evidence = [];
+fprintf('%s', regexprep(output, ['((^|\n)Next .*?)', purpose, ':\s+tokid .*?(?=\n\S|\s*$)'], '$1'));
+end
+
+function contents = contents_of(file)
+if strcmp(file(end - 2:end), '.h5')
+  contents = tokid.read(file);
+else
+  contents = load(file, '-mat');
+end
+if isfield(contents, 'experiments')
+  contents = rmfield(contents, 'experiments');
+end
 end
