@@ -21,7 +21,8 @@ function [bounds, evidence] = confidence(model, varargin)
 % SPDX-License-Identifier: BSD-3-Clause
 
 tokid.internal.need(nargin, 'model');
-given = {'', 'model', 'model', model; '', 'data', 'data', []; '-o', 'new', 'bounds', []};
-known = 'level replicates seed band reference_step threads inputs:list outputs:list';
-[evidence, bounds] = tokid.internal.run(tokid.internal.take('confidence', given, known, varargin), nargout);
+given = {'', 'model', 'model', model; '', 'data', 'data', []; '-o', 'new', 'bounds.mat', []};
+options = 'level replicates seed band reference_step threads inputs:list outputs:list';
+call = tokid.internal.take('confidence', given, options, varargin);
+[evidence, bounds] = tokid.internal.run(call);
 end

@@ -24,17 +24,17 @@ function data = ensemble(u, y, varargin)
 % SPDX-License-Identifier: BSD-3-Clause
 
 tokid.internal.need(nargin, 'u');
+pairs = varargin;
 if isa(u, 'iddata')
   data = u;
   if nargin > 1
-    varargin = [{y}, varargin];
+    pairs = [{y}, pairs];
   end
 else
-  data = struct();
   data.u = u;
   if nargin > 1
     data.y = y;
   end
 end
-data = tokid.internal.take_data('ensemble', {}, [{data}, varargin], false);
+data = tokid.internal.take_data('ensemble', {}, [{data}, pairs], false);
 end

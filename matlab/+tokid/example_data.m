@@ -19,7 +19,8 @@ function data = example_data(system, varargin)
 % SPDX-License-Identifier: BSD-3-Clause
 
 tokid.internal.need(nargin, 'system');
-given = {'', 'text', 'system', system; '-o', 'new', 'data', []};
-known = 'experiments steps seed process_noise measurement_noise free_responses initial_state';
-[~, data] = tokid.internal.run(tokid.internal.take('example', given, known, varargin), nargout);
+given = {'', 'text', 'system', system; '-o', 'new', 'data.mat', []};
+options = 'experiments steps seed process_noise measurement_noise free_responses initial_state';
+call = tokid.internal.take('example', given, options, varargin);
+[~, data] = tokid.internal.run(call);
 end

@@ -19,6 +19,7 @@ function evidence = export(source, model, varargin)
 
 tokid.internal.need(nargin, 'source', 'model');
 given = {'', 'model', 'model', model; '-o', 'file', 'source', source};
-known = 'controller:controller float:flag name start_from_zero:flag';
-evidence = tokid.internal.run(tokid.internal.take('export', given, known, varargin), nargout);
+options = 'controller:controller float:flag name start_from_zero:flag';
+call = tokid.internal.take('export', given, options, varargin);
+evidence = tokid.internal.run(call);
 end

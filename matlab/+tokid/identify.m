@@ -61,9 +61,14 @@ function [model, evidence] = identify(varargin)
 
 % SPDX-License-Identifier: BSD-3-Clause
 
-given = {'', 'data', 'data', []; '-o', 'new', 'model', []};
-known = ['states lags method smoothing feedthrough:switch time_invariant:flag period jumps:list delays:list ' ...
-         'refine:switch weighting output_weights:list initial_state frame reference_step nominal hold_out outliers ' ...
-         'rows cols threads block print:own report:file state:file inputs:list outputs:list'];
-[evidence, model] = tokid.internal.run(tokid.internal.take('identify', given, known, varargin), nargout);
+given = {'', 'data', 'data', []; '-o', 'new', 'model.mat', []};
+options = ['states lags method smoothing feedthrough:switch time_invariant:flag period jumps:list ' ...
+           'delays:list refine:switch weighting output_weights:list initial_state frame ' ...
+           'reference_step nominal hold_out outliers rows cols threads block print:own ' ...
+           'report:file state:file inputs:list outputs:list'];
+call = tokid.internal.take('identify', given, options, varargin);
+if ischar(call.given{1, 4})
+  call.given{2, 3} = 'model.h5'; % The tool writes no other format if it reads a large .h5 in blocks.
+end
+[evidence, model] = tokid.internal.run(call, nargout);
 end

@@ -23,10 +23,15 @@ if ~isequal(size(reference), size(y)) || size(u, 1) ~= size(y, 1) || ndims(u) > 
         mat2str(size(reference)), mat2str(size(u)), mat2str(size(y)));
 end
 last = struct('u', reshape(u, [1, size(u)]), 'y', reshape(y, [1, size(y)]));
-given = {'', 'model', 'model', model; '', 'data', 'the last run', last; ...
-             '', 'reference', 'the reference', reference; '-o', 'new', 'next', []};
-known = 'error_weight:weight input_weight:weight input_change_weight:weight input_rate_weight:weight';
-[evidence, run] = tokid.internal.run(tokid.internal.take('learn', given, known, varargin), 2);
-next = struct('u', reshape(run.u, size(u)), 'predicted', reshape(run.y, size(y)), 'error', evidence.error, ...
-              'predicted_error', evidence.predicted_error);
+given = {'', 'model', 'model', model; ...
+         '', 'data', 'the last run', last; ...
+         '', 'reference', 'the reference', reference; ...
+         '-o', 'new', 'next.mat', []};
+options = 'error_weight:weight input_weight:weight input_change_weight:weight input_rate_weight:weight';
+call = tokid.internal.take('learn', given, options, varargin);
+[evidence, run] = tokid.internal.run(call);
+next.u = reshape(run.u, size(u));
+next.predicted = reshape(run.y, size(y));
+next.error = evidence.error;
+next.predicted_error = evidence.predicted_error;
 end

@@ -28,19 +28,19 @@ function [controller, evidence, loop] = lqr(model, varargin)
 % SPDX-License-Identifier: BSD-3-Clause
 
 tokid.internal.need(nargin, 'model');
-given = {'', 'model', 'model', model; '-o', 'new', 'controller', []; '--simulate', 'new', 'loop', []};
-known = ['output_weight:weight input_weight:weight input_rate_weight:weight terminal_weight:weight begin end ' ...
-         'reference:reference truth:model experiments seed no_noise:flag u_min:list u_max:list'];
-call = tokid.internal.take('lqr', given(1:2 + (nargout > 2), :), known, varargin);
+given = {'', 'model', 'model', model; '-o', 'new', 'controller.mat', []};
+options = ['output_weight:weight input_weight:weight input_rate_weight:weight ' ...
+           'terminal_weight:weight begin end reference:reference ' ...
+           'truth:model experiments seed no_noise:flag u_min:list u_max:list'];
+call = tokid.internal.take('lqr', given, options, varargin);
 of_loop = intersect(fieldnames(call.said), {'truth', 'experiments', 'seed', 'no_noise', 'u_min', 'u_max'});
-if nargout < 3 && ~isempty(of_loop)
+if nargout > 2
+  call.given(end + 1, :) = {'--simulate', 'new', 'loop.mat', []};
+elseif ~isempty(of_loop)
   error('tokid:option', ['lqr: option ''%s'' found, but not the third result, loop. The option belongs to its ' ...
                          'simulation: [controller, evidence, loop] = tokid.lqr(...)'], of_loop{1});
-elseif nargout < 3
-  [evidence, controller] = tokid.internal.run(call, nargout);
-else
-  [evidence, controller, loop] = tokid.internal.run(call, nargout);
 end
+[evidence, controller, loop] = tokid.internal.run(call);
 if isstruct(model) && isfield(controller, 'model')
   controller = rmfield(controller, 'model'); % the name of a temporary file
 end

@@ -24,20 +24,20 @@ function found = modes(model, varargin)
 
 tokid.internal.need(nargin, 'model');
 given = {'', 'model', 'model', model; '--confidence', 'data', 'data', []};
-known = 'window slow level replicates seed threads';
-with_data = ~isempty(varargin) && ~begins_with_option(varargin, strsplit(known));
-call = tokid.internal.take('modes', given(1:1 + with_data, :), known, varargin);
+options = 'window slow level replicates seed threads';
+with_data = ~isempty(varargin) && ~begins_with_option(varargin, strsplit(options));
+call = tokid.internal.take('modes', given(1:1 + with_data, :), options, varargin);
 of_intervals = intersect(fieldnames(call.said), {'level', 'replicates', 'seed'});
 if ~with_data && ~isempty(of_intervals)
-  error('tokid:option', 'modes: option ''%s'' found without data. It belongs to the intervals: %s', of_intervals{1}, ...
-        'tokid.modes(model, u, y, ...)');
+  error('tokid:option', 'modes: option ''%s'' found without data. It belongs to the intervals: %s', ...
+        of_intervals{1}, 'tokid.modes(model, u, y, ...)');
 end
-found = tokid.internal.run(call, nargout);
+found = tokid.internal.run(call);
 end
 
 function yes = begins_with_option(pairs, known)
 % Names and values come in pairs, so a text before an even number of arguments is the name of a file. A text that begins
 % an even number of arguments is an option, known or misspelled.
-yes = tokid.internal.is_text(pairs{1}) && (mod(numel(pairs), 2) == 0 || ...
-                                           any(strcmp(tokid.internal.option_name(pairs{1}), known)));
+yes = tokid.internal.is_text(pairs{1}) && ...
+      (mod(numel(pairs), 2) == 0 || any(strcmp(tokid.internal.option_name(pairs{1}), known)));
 end

@@ -20,8 +20,8 @@ function [data, evidence] = plan(varargin)
 
 % SPDX-License-Identifier: BSD-3-Clause
 
-known = ['states inputs outputs steps lags experiments kind amplitude:list noise:pair model:model initial_state ' ...
-         'nominal:flag dt seed threads'];
-call = tokid.internal.take('plan', {'-o', 'new', 'inputs', []}, known, varargin);
-[evidence, data] = tokid.internal.run(call, nargout);
+options = ['states inputs outputs steps lags experiments kind amplitude:list noise:pair model:model ' ...
+           'initial_state nominal:flag dt seed threads'];
+call = tokid.internal.take('plan', {'-o', 'new', 'inputs.mat', []}, options, varargin);
+[evidence, data] = tokid.internal.run(call);
 end

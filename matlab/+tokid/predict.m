@@ -17,8 +17,8 @@ function y = predict(model, varargin)
 % SPDX-License-Identifier: BSD-3-Clause
 
 tokid.internal.need(nargin, 'model');
-given = {'', 'model', 'model', model; '', 'data', 'data', []; '-o', 'new', 'predicted', []};
+given = {'', 'model', 'model', model; '', 'data', 'data', []; '-o', 'new', 'predicted.mat', []};
 call = tokid.internal.take('predict', given, 'horizon inputs:list outputs:list', varargin);
-[~, predicted] = tokid.internal.run(call, nargout);
+[~, predicted] = tokid.internal.run(call);
 y = tokid.internal.as_cells(predicted.y, call.lengths);
 end

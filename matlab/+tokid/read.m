@@ -13,7 +13,7 @@ function contents = read(file, varargin)
 % SPDX-License-Identifier: BSD-3-Clause
 
 tokid.internal.need(nargin, 'file');
-given = {'', 'file', 'file', file; '', 'new', 'copy', []};
+given = {'', 'file', 'file', file; '', 'new', 'copy.mat', []};
 call = tokid.internal.take('read', given, 'inputs:list outputs:list', varargin);
-[~, contents] = tokid.internal.run(call, nargout);
+[~, contents] = tokid.internal.run(call);
 end

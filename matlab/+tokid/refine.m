@@ -22,7 +22,9 @@ function [model, evidence] = refine(model, varargin)
 % SPDX-License-Identifier: BSD-3-Clause
 
 tokid.internal.need(nargin, 'model');
-given = {'', 'model', 'model', model; '', 'data', 'data', []; '-o', 'new', 'model', []};
-known = ['smoothing period feedthrough:switch iterations initial_state threads print:own inputs:list outputs:list'];
-[evidence, model] = tokid.internal.run(tokid.internal.take('refine', given, known, varargin), nargout);
+given = {'', 'model', 'model', model; '', 'data', 'data', []; '-o', 'new', 'model.mat', []};
+options = ['smoothing period feedthrough:switch iterations initial_state threads print:own ' ...
+           'inputs:list outputs:list'];
+call = tokid.internal.take('refine', given, options, varargin);
+[evidence, model] = tokid.internal.run(call, nargout);
 end

@@ -26,48 +26,52 @@ function evidence = report(page, model, varargin)
 
 tokid.internal.need(nargin, 'page', 'model');
 given = {'', 'model', 'model', model; '', 'data', 'data', []; '-o', 'file', 'page', page};
-known = 'horizon from experiments at:list bands:data compare:own compare_names:own inputs:list outputs:list';
-call = tokid.internal.take('report', given, known, varargin);
-models = {model};
+options = ['horizon from experiments at:list bands:data compare:own compare_names:own ' ...
+           'inputs:list outputs:list'];
+call = tokid.internal.take('report', given, options, varargin);
+others = {};
 if isfield(call.said, 'compare')
   others = call.said.compare;
-  if isa(others, 'string')
-    others = cellstr(others);
-  elseif ~iscell(others)
-    others = {others};
-  end
-  models = [models, reshape(others, 1, [])];
 end
-names = [{'model'}, arrayfun(@(i) sprintf('other_%d', i), 1:numel(models) - 1, 'UniformOutput', false)];
+if ~iscell(others)
+  others = {others};
+end
+models = [{model}, others(:)'];
+names = arrayfun(@(i) sprintf('other_%d', i), 0:numel(others), 'UniformOutput', false);
+names{1} = 'model';
 if isfield(call.said, 'compare_names')
-  [names, named] = labels(call.said.compare_names, numel(models) - 1);
-  files = ~cellfun(@isstruct, models) & named;
-  models(files) = cellfun(@tokid.read, models(files), 'UniformOutput', false); % to be written by their names
+  [names, models] = named(names, models, call.said.compare_names);
 end
 call.given(1, 3:4) = [names(1), models(1)];
 for i = 2:numel(models)
   call.given(end + 1, :) = {'--compare', 'model', names{i}, models{i}};
 end
-found = tokid.internal.run(call, nargout);
+found = tokid.internal.run(call);
 if nargout > 0
   evidence = found;
 end
 end
 
-function [names, named] = labels(names, others)
-% The names of all models, and which of them have their names from the user.
-if ~(ischar(names) || iscellstr(names) || isa(names, 'string'))
-  error('tokid:option', 'report: option ''compare_names'': a value of class %s found, a cell of texts needed', ...
-        class(names));
+function [names, models] = named(names, models, given)
+% The models with the names that were given to them, or to all but the first.
+if ~(ischar(given) || iscellstr(given))
+  error('tokid:option', ['report: option ''compare_names'': a value of class %s found, ' ...
+                         'a cell of texts needed'], class(given));
 end
-names = regexprep(reshape(cellstr(names), 1, []), '[/\\:*?"<>|\x01-\x1f]', '_'); % the page shows names of files
-if others == 0 || ~any(numel(names) == [others, others + 1])
-  error('tokid:option', ['report: option ''compare_names'': %d names found beside %d models in ''compare'', one for ' ...
-                         'each of them needed, or also one for the model before these'], numel(names), others);
+given = regexprep(cellstr(given), '[/\\:*?"<>|\x01-\x1f]', '_'); % the page shows names of files
+others = numel(models) - 1;
+if others == 0 || ~any(numel(given) == [others, others + 1])
+  error('tokid:option', ['report: option ''compare_names'': %d names found beside %d models in ' ...
+                         '''compare'', one for each of them needed, or also one for the model ' ...
+                         'before these'], numel(given), others);
 end
-named = [numel(names) > others, true(1, others)];
-names = [repmat({'model'}, 1, ~named(1)), names];
+places = numel(models) - numel(given) + 1:numel(models);
+names(places) = given;
 if any(cellfun(@isempty, names)) || numel(unique(names)) < numel(names)
-  error('tokid:option', 'report: option ''compare_names'': an empty name or equal names found, different ones needed');
+  error('tokid:option', ['report: option ''compare_names'': an empty name or equal names found, ' ...
+                         'different ones needed']);
+end
+for i = places(~cellfun(@isstruct, models(places)))
+  models{i} = tokid.read(models{i}); % to be written by its name
 end
 end

@@ -16,13 +16,22 @@ if ischar(model) || isa(model, 'string')
 end
 model = tokid.internal.check_model(model, {'A', 'B', 'C', 'D', 'state_dim'});
 if isempty(which('ss'))
-  error('tokid:noControl', 'the function ss was not found: ''pkg load control'' in Octave, a toolbox in MATLAB');
+  error('tokid:noControl', ['the function ss was not found: ''pkg load control'' in Octave, ' ...
+                            'a toolbox in MATLAB']);
 end
 [S, period, first] = deal(size(model.A, 3), model.period, model.k_begin);
 if nargin > 1
-  s = place_of(k, S, period, first);
+  if ~isnumeric(k) || ~isreal(k)
+    error('tokid:step', 'a step of class %s found, a whole number needed', class(k));
+  end
+  s = tokid.internal.place(double(k) - first + 1, S, period);
+  if ~isscalar(k) || k ~= fix(k) || s < 1 || s > S
+    error('tokid:step', 'step %s found, the model has the steps %d to %d', mat2str(k), first, ...
+          first + S - 1);
+  end
 elseif period == 1 % the last step has all states
-  s = find(model.state_dim(1:S) == max(model.state_dim) & model.state_dim(2:S + 1) == max(model.state_dim), 1);
+  full = model.state_dim == max(model.state_dim);
+  s = find(full(1:S) & full(2:S + 1), 1);
 elseif S == 1
   s = 1;
 else
@@ -30,31 +39,16 @@ else
 end
 n = model.state_dim(s);
 if model.state_dim(s + 1) ~= n
-  error('tokid:step', 'step %d leads from %d to %d states, which no ss can hold', first + s - 1, n, ...
-        model.state_dim(s + 1));
+  error('tokid:step', 'step %d leads from %d to %d states, which no ss can hold', ...
+        first + s - 1, n, model.state_dim(s + 1));
 end
 sys = ss(model.A(1:n, 1:n, s), model.B(1:n, :, s), model.C(:, 1:n, s), model.D(:, :, s), model.dt);
-properties = {'InputName', 'input_names'; 'OutputName', 'output_names'; 'InputUnit', 'input_units'; ...
-              'OutputUnit', 'output_units'};
+properties = {'InputName', 'input_names'; 'OutputName', 'output_names'; ...
+              'InputUnit', 'input_units'; 'OutputUnit', 'output_units'};
 for i = 1:4 - 2 * tokid.internal.is_octave() % Octave has no units
-  name = properties{i, 2};
-  if isfield(model, name) && ~isempty(model.(name))
-    sys = set(sys, properties{i, 1}, cellstr(model.(name)));
+  texts = cellstr(model.(properties{i, 2}));
+  if ~isempty(texts)
+    sys = set(sys, properties{i, 1}, texts);
   end
-end
-end
-
-function s = place_of(k, S, period, first)
-% The index of the matrices of step k. A periodic model goes on after its last step.
-if ~isnumeric(k) || ~isreal(k)
-  error('tokid:step', 'a step of class %s found, a whole number needed', class(k));
-end
-k = double(k);
-s = k - first + 1;
-if isscalar(k) && k == fix(k) && s > S && period > 0 && S >= period
-  s = S - period + 1 + mod(s - S - 1, period);
-end
-if ~isscalar(k) || k ~= fix(k) || s < 1 || s > S
-  error('tokid:step', 'step %s found, the model has the steps %d to %d', mat2str(k), first, first + S - 1);
 end
 end

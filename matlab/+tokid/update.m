@@ -18,7 +18,8 @@ function [model, evidence] = update(state, varargin)
 % SPDX-License-Identifier: BSD-3-Clause
 
 tokid.internal.need(nargin, 'state');
-given = {'', 'state', 'state', state; '', 'data', 'data', []; '-o', 'new', 'model', []};
-known = 'wait threads print:own inputs:list outputs:list';
-[evidence, model] = tokid.internal.run(tokid.internal.take('update', given, known, varargin), nargout);
+given = {'', 'state', 'state', state; '', 'data', 'data', []; '-o', 'new', 'model.mat', []};
+options = 'wait threads print:own inputs:list outputs:list';
+call = tokid.internal.take('update', given, options, varargin);
+[evidence, model] = tokid.internal.run(call, nargout);
 end

@@ -23,9 +23,8 @@ function evidence = validate(model, varargin)
 
 tokid.internal.need(nargin, 'model');
 given = {'', 'model', 'model', model; '', 'data', 'data', []};
-known = 'horizon from cross_validate inputs:list outputs:list';
-call = tokid.internal.take('validate', given, known, varargin);
-call.known(end + 1, :) = {'print', 'own'};
+options = 'horizon from cross_validate inputs:list outputs:list';
+call = tokid.internal.take('validate', given, options, varargin);
 call.said.print = nargout == 0;
 found = tokid.internal.run(call, 1);
 if nargout > 0

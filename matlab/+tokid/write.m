@@ -18,5 +18,6 @@ if isstruct(contents) && isfield(contents, 'A')
   kind = 'model';
 end
 given = {'', kind, kind, contents; '', 'file', 'file', file};
-tokid.internal.run(tokid.internal.take('write', given, 'mat73:flag', varargin), nargout);
+call = tokid.internal.take('write', given, 'mat73:flag', varargin);
+tokid.internal.run(call);
 end

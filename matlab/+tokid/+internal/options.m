@@ -1,6 +1,6 @@
 function said = options(command, names, pairs)
 % said = tokid.internal.options(command, names, pairs) makes a struct out of names and values. `names` are the known
-% ones. If a name comes twice, its last value counts. Errors: tokid:option.
+% ones. If a name comes twice, its last value counts. Strings become rows or cells of characters. Errors: tokid:option.
 
 % SPDX-License-Identifier: BSD-3-Clause
 
@@ -13,6 +13,12 @@ for i = 1:2:numel(pairs)
   elseif i == numel(pairs)
     error('tokid:option', '%s: option ''%s'' has no value', command, name);
   end
-  said.(name) = pairs{i + 1};
+  value = pairs{i + 1};
+  if tokid.internal.is_text(value)
+    value = char(value);
+  elseif isa(value, 'string')
+    value = cellstr(value);
+  end
+  said.(name) = value;
 end
 end
