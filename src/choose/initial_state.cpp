@@ -9,6 +9,7 @@
 
 #include "base/rounding.hpp"
 #include "base/statistics.hpp"
+#include "tokid/smooth_arx.hpp"
 
 namespace tokid {
 
@@ -31,27 +32,73 @@ std::optional<InitialStateTest> stated_initial_state(const Ensemble& data, const
   return std::nullopt;
 }
 
-InitialStateTest test_initial_state(const GtvArx& arx, Index p, const std::vector<Index>& freedom) {
-  const Index m = arx.outputs, last = arx.steps();
-  // Residual variances of the later steps, but at least the variances of rounding errors.
-  Vector later = Vector::Zero(m), square = Vector::Zero(m);
+StepErrors residuals_of(const GtvArx& arx) {
+  StepErrors result{Matrix::Zero(arx.steps(), arx.outputs), {}, Vector::Zero(arx.outputs)};
+  for (Index k = 0; k < arx.steps(); ++k) {
+    result.output_square = result.output_square.cwiseMax(arx.output_rms(k).cwiseAbs2());
+    result.variance.row(k) = arx.residual_cov(k).diagonal();
+    result.freedom.push_back(arx.step[size_t(k)].freedom);
+  }
+  return result;
+}
+
+StepErrors held_out_errors(const Ensemble& data, const SmoothArxOptions& options, bool centred) {
+  const Index folds = fold_count(data.experiments()), m = data.outputs(), d = data.channels();
+  StepErrors result{Matrix::Zero(data.steps(), m), std::vector<Index>(size_t(data.steps())), Vector::Zero(m)};
+  std::vector<StepErrors> of_folds(size_t(folds), result);
+  SmoothArxOptions o = options;
+  o.execution = {};
+  parallel_for(0, folds, options.execution, [&](Index begin, Index end) {
+    for (Index f = begin; f < end; ++f) {
+      const Split parts = fold(data, f, folds, centred);
+      const GtvArx arx = smooth_arx(parts.training, o);
+      StepErrors& own = of_folds[size_t(f)];
+      for (Index k = 0; k < arx.steps(); ++k) {
+        // Regressions of about as many unknowns as experiments have large errors for any initial state.
+        if (k > 0 && k < o.lags && o.variation.smoothing < 1 && 2 * arx.regressors(k) > parts.training.experiments())
+          continue;
+        const Matrix samples =
+                         parts.held_out.samples().middleCols((k - arx.step[size_t(k)].lags) * d, arx.regressors(k)),
+                     errors = parts.held_out.output(k) - samples * arx.coefficients(k).transpose();
+        for (Index n = 0; n < errors.rows(); ++n)
+          if (errors.row(n).allFinite()) own.variance.row(k) += errors.row(n).cwiseAbs2(), ++own.freedom[size_t(k)];
+      }
+    }
+  });
+  for (const StepErrors& own : of_folds) {
+    result.variance += own.variance;
+    for (size_t k = 0; k < own.freedom.size(); ++k) result.freedom[k] += own.freedom[k];
+  }
+  for (Index k = 0; k < data.steps(); ++k) {
+    const double count = std::max(1.0, double(result.freedom[size_t(k)]));
+    result.variance.row(k) /= count;
+    const Eigen::ArrayXXd y = data.output(k);
+    const Vector square = y.isFinite().select(y.square(), 0.0).colwise().sum() / count;
+    result.output_square = result.output_square.cwiseMax(square);
+  }
+  return result;
+}
+
+InitialStateTest test_initial_state(const StepErrors& errors, Index p) {
+  const Index m = errors.variance.cols(), last = errors.variance.rows();
+  // Variances of the later steps, but at least the variances of rounding errors.
+  Vector later = Vector::Zero(m);
   Index later_freedom = 0;
   for (Index k = p; k < std::min(last, p + std::max<Index>(10, 3 * p)); ++k) {
-    later_freedom += freedom[size_t(k)];
-    later += double(freedom[size_t(k)]) * arx.residual_cov(k).diagonal();
+    later_freedom += errors.freedom[size_t(k)];
+    later += double(errors.freedom[size_t(k)]) * errors.variance.row(k).transpose();
   }
-  for (Index k = 0; k < last; ++k) square = square.cwiseMax(arx.output_rms(k).cwiseAbs2());
   if (later_freedom > 0) later /= double(later_freedom);
-  later = later.cwiseMax(rounding_share * rounding_share * square);
+  later = later.cwiseMax(rounding_share * rounding_share * errors.output_square);
 
   InitialStateTest test;
   test.threshold = std::numeric_limits<double>::infinity();
   for (Index k = 0; k < std::min(p, last); ++k) {
-    const Index own = freedom[size_t(k)];
+    const Index own = errors.freedom[size_t(k)];
     if (own <= 0) continue;
     for (Index j = 0; j < m; ++j) {
       if (!(later(j) > 0)) continue;
-      const double ratio = arx.residual_cov(k)(j, j) / later(j);
+      const double ratio = errors.variance(k, j) / later(j);
       const double threshold =
           later_freedom > 0 ? statistics::f_quantile(1 - level / double(p * m), double(own), double(later_freedom))
                             : 1.0;

@@ -398,9 +398,9 @@ struct Other {
   std::vector<Squares> squares;
 };
 
-Other begun_as(const RegressionErrors::Found& rival, const Ensemble& data, const Selection& selected,
-               const Regressed& first, const Ahead& ahead, const IdentifyOptions& options) {
-  Regressed own = regressed_as(rival, data, selected, first, options);
+Other begun_as(const RegressionErrors::Found& rival, const Ensemble& data, const Selection& selected, bool nominal,
+               const Ahead& ahead, const IdentifyOptions& options) {
+  Regressed own = regressed_as(rival, data, selected, nominal, options);
   BegunByFolds begun = begun_by_folds(data, selected, as_asked(data, own.plan, options), own.arx, options);
   OrderScores scores = begun.scores;
   std::vector<Squares> squares = begun.squares(ahead);
@@ -427,7 +427,8 @@ void realise_by_folds(const Ensemble& data, const Selection& selected, Regressed
   const bool rival_leads = !rivals->chose(leader);
   std::optional<Other> other;
   const auto begin_other = [&] {
-    if (!other) other = if_possible([&] { return begun_as(leader, data, selected, regression, ahead, options); });
+    if (!other)
+      other = if_possible([&] { return begun_as(leader, data, selected, regression.plan.nominal, ahead, options); });
     return other.has_value();
   };
   std::optional<bool> holds;

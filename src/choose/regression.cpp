@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numeric>
 #include <stdexcept>
 
 #include "base/integers.hpp"
@@ -59,12 +58,6 @@ Index whole_windows(const Ensemble& e, Index lags) {
   Index whole = 0;
   for (Index k = lags; k < e.steps(); ++k) whole += Index(e.complete_rows(k, lags).size());
   return whole;
-}
-
-std::vector<Index> freedom_of(const GtvArx& arx, Index GtvArxStep::*count) {
-  std::vector<Index> freedom;
-  for (const GtvArxStep& step : arx.step) freedom.push_back(step.*count);
-  return freedom;
 }
 
 // Chooses p by the leave-one-out error of one-step predictions.
@@ -165,7 +158,7 @@ Regressed each_step_alone(const Ensemble& data, const Plan& stated, const Identi
   if (const auto known = stated_initial_state(data, options))
     result.initial_state_test = *known;
   else
-    result.initial_state_test = test_initial_state(arx, result.plan.lags, freedom_of(arx, &GtvArxStep::freedom));
+    result.initial_state_test = test_initial_state(residuals_of(arx), result.plan.lags);
   result.plan.initial_state = result.initial_state_test.decision;
   // The regressions of the steps k ≥ p hold for any initial state. The regressions of earlier steps do not, so they
   // are dropped.
@@ -257,9 +250,9 @@ std::optional<Rivals> rivals_beside(const Ensemble& data, const Selection& selec
                 jumps_within(variation.jumps, selected), stated};
 }
 
-// One regression couples all steps. `known`: the decision about the initial state, if there is one.
-Regressed coupled(const Ensemble& data, const Selection& selected, const Plan& stated, const IdentifyOptions& options,
-                  const std::optional<InitialStateTest>& known) {
+// One regression couples all steps.
+Regressed coupled(const Ensemble& data, const Selection& selected, const Plan& stated, const IdentifyOptions& options) {
+  const std::optional<InitialStateTest> known = stated_initial_state(data, options);
   const Ensemble& selection = *selected.samples;
   const bool nominal = stated.nominal;
   Regressed result;
@@ -320,15 +313,15 @@ Regressed coupled(const Ensemble& data, const Selection& selected, const Plan& s
   const Execution execution = in_stage(options.execution, WorkStage::together);
   if (known) {
     result.initial_state_test = *known;
-  } else if (variation.period > 0) {
-    // Steps that share a model also share one residual covariance. The residuals of the first steps can therefore not
-    // test the initial state.
+  } else if (data.experiments() < 2) {
     result.initial_state_test.threshold = std::numeric_limits<double>::infinity();
     result.initial_state_test.decision = InitialState::unknown;
     result.initial_state_test.reason = "not stated with the data";
   } else {
-    const GtvArx from_rest = regressions(data, plan, share(execution, 0.0, 0.5));
-    result.initial_state_test = test_initial_state(from_rest, plan.lags, freedom_of(from_rest, &GtvArxStep::rows));
+    const SmoothArxOptions from_rest{plan.lags, InitialState::zero, plan.feedthrough.present, variation,
+                                     share(execution, 0.0, 0.5)};
+    result.initial_state_test =
+        test_initial_state(held_out_errors(selected.from_start ? selection : data, from_rest, o.centred), plan.lags);
   }
   plan.initial_state = result.initial_state_test.decision;
   result.arx = regressions(data, plan, share(execution, 0.5, 1.0));
@@ -350,18 +343,17 @@ Regressed with_stated_feedthrough(const Ensemble& data, const Selection& selecti
   stated.output_weights = relative_weights(options.output_weights, data.outputs());
   const bool asked = options.method == Method::tvera, together = options.period > 0 || options.smoothing > 0.0;
   if (!asked && (together || data.experiments() < experiments_for(data, needed, stated)))
-    return coupled(data, selection, stated, options, stated_initial_state(data, options));
+    return coupled(data, selection, stated, options);
   Regressed alone = each_step_alone(data, stated, options);
-  const std::vector<Index> freedoms = freedom_of(alone.arx, &GtvArxStep::freedom);
-  const Index freedom = std::accumulate(freedoms.begin(), freedoms.end(), Index{0});
+  const bool free = std::any_of(alone.arx.step.begin(), alone.arx.step.end(),
+                                [](const GtvArxStep& step) { return step.freedom > 0; });
   // Regressions without degrees of freedom fit any data exactly. Such data count as free of noise only if no sample is
   // missing and the user stated p or n.
-  const bool tells = freedom > 0 || (data.missing() == 0 && (options.lags || options.states));
+  const bool tells = free || (data.missing() == 0 && (options.lags || options.states));
   if (asked || (!alone.plan.noisy && tells)) return alone;
-  // With noise, coupled steps give better models. If the regressions have no degree of freedom, they cannot test
-  // initial states, so only stated ones are used.
-  return coupled(data, selection, stated, options,
-                 freedom > 0 ? alone.initial_state_test : stated_initial_state(data, options));
+  // With noise, coupled steps give better models. They permit more lags, so they test the initial state again: too few
+  // lags leave larger residuals at all steps, among which those of an initial state do not show.
+  return coupled(data, selection, stated, options);
 }
 
 }  // namespace
@@ -378,16 +370,12 @@ Regressed regressed(const Ensemble& data, const Selection& selection, bool nomin
 }
 
 Regressed regressed_as(const RegressionErrors::Found& rival, const Ensemble& data, const Selection& selection,
-                       const Regressed& first, const IdentifyOptions& options) {
+                       bool nominal, const IdentifyOptions& options) {
   IdentifyOptions stated = options;
   stated.lags = rival.lags;
   stated.smoothing = rival.smoothing;
   stated.jumps = std::vector<Index>{};
-  // A test of steps that share their matrices says nothing.
-  const bool tested = first.plan.choices.variation.period == 0;
-  if (tested) stated.initial_state = first.plan.initial_state;
-  Regressed result = regressed(data, selection, first.plan.nominal, stated);
-  if (tested) result.initial_state_test = first.initial_state_test;
+  Regressed result = regressed(data, selection, nominal, stated);
   if (std::isinf(rival.smoothing)) result.findings.push_back({.kind = Finding::Kind::no_variation});
   return result;
 }
