@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <random>
 #include <set>
 #include <string>
 
@@ -169,13 +170,35 @@ TEST(Identify, WhatTheDataOrTheCallerSayOfInitialStatesIsTaken) {
   EXPECT_EQ(result.model.initial_state, InitialState::unknown);
 }
 
+// The output is a position. Initial velocities show from the second step on.
+TEST(Identify, InitialStatesOfFewRecordsOfOneModelAreTested) {
+  for (const Index count : {2, 3, 5})
+    for (const InitialState state : {InitialState::zero, InitialState::unknown}) {
+      std::mt19937_64 random{std::uint64_t(count)};
+      std::normal_distribution<double> normal;
+      Ensemble e(count, 80, 1, 1);
+      for (Index n = 0; n < count; ++n) {
+        double position = 0.0, velocity = state == InitialState::unknown ? 3.0 * normal(random) : 0.0;
+        for (Index k = 0; k < e.steps(); ++k) {
+          const double u = e.u(n, k, 0) = normal(random);
+          e.y(n, k, 0) = position + 0.02 * normal(random);
+          position += 0.3 * velocity;
+          velocity += 0.3 * (u - position) - 0.1 * velocity;
+        }
+      }
+      const InitialStateTest test =
+          identify(e, {.period = 1, .refine = false, .nominal = NominalChoice::none}).initial_state_test;
+      EXPECT_EQ(test.decision, state) << count << ": " << test.reason;
+    }
+}
+
 // Regressions of each step alone have one lag here, and their residuals hide initial states.
 TEST(Identify, InitialStatesOfFewExperimentsAreTestedOnHeldOutOnes) {
   for (const std::uint64_t seed : {1u, 2u, 3u})
     for (const InitialState state : {InitialState::zero, InitialState::unknown}) {
       const Ensemble e =
-          experiments(periodic_system({6, 4, 2}, 50, 1, 1.0, seed),
-                      {.experiments = 14, .seed = seed, .measurement_noise = 1e-3, .initial_state = state});
+          experiments(periodic_system({4, 2, 2}, 30, 1, 1.0, seed),
+                      {.experiments = 9, .seed = seed, .measurement_noise = 1e-3, .initial_state = state});
       Ensemble untold = e;
       untold.initial_state.reset();
       const InitialStateTest test = identify(untold, {.refine = false}).initial_state_test;

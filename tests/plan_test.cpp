@@ -166,7 +166,8 @@ TEST(StagesOfEm, GoOnWhereTheyStopped) {
   struct Case {
     std::vector<Index> jumps, ends;
   };
-  for (const auto& [jumps, ends] : {Case{{}, {3, 6, 12, 24, 48, 96, 192}}, Case{{20}, {3, 6, 12, 24, 48, 96, 192, 384}}}) {
+  for (const auto& [jumps, ends] :
+       {Case{{}, {3, 6, 12, 24, 48, 96, 192}}, Case{{20}, {3, 6, 12, 24, 48, 96, 192, 384}}}) {
     RefineOptions o;
     o.smoothing = 3.0;
     o.jumps = jumps;

@@ -1,5 +1,5 @@
-// Kalman filters as textbooks have them, by the 50 digits of studies/oracle.hpp, and rounded once at the end. Without its
-// types, which take a compiler long.
+// Kalman filters as textbooks have them, by the 50 digits of studies/oracle.hpp, and rounded once at the end. Without
+// its types, which take a compiler long.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 

@@ -74,6 +74,8 @@ struct nanobind::detail::type_caster<T, nanobind::detail::enable_if_t<tokid::pyt
       return tokid::python::result_of(value).release();
     } catch (python_error& error) {
       error.restore();
+    } catch (const std::bad_alloc&) {
+      PyErr_NoMemory();
     } catch (const std::exception& error) {
       PyErr_SetString(PyExc_RuntimeError, error.what());
     }

@@ -147,8 +147,8 @@ def test_chain_of_subspace_and_em_has_the_bits_of_identify(noisy, period, initia
         period=found.variation.period, state_smoothing=found.state_smoothing, threads=2)  # fmt: skip
     assert_same_bits(start, model)
 
-    # The first stage of EM: 3 iterations, or 10 if steps share a model.
-    iterations, smoothing = 10 if period else 3, 0.0 if period == 1 else 3.0
+    # The first stage of EM
+    iterations, smoothing = 3, 0.0 if period == 1 else 3.0
     choices = replace(found.choices, refinement_smoothing=smoothing, refinement_iterations=iterations)
     model = identified(data, choices=choices, **options)
     assert model.identification.refinement.iterations == iterations

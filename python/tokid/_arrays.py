@@ -96,7 +96,7 @@ def outputs_beside(values: Any, inputs: np.ndarray[Any, Any], single: bool) -> n
     if alone != single or array.shape[:2] != (experiments, steps):
         wanted, beside = (f"({steps}, m)", (steps, r)) if single else (f"({experiments}, {steps}, m)", inputs.shape)
         order = _other_order(beside, np.shape(values))
-        raise ValueError(f"y: shape {np.shape(values)} found, {wanted} needed beside u {beside}{order}")
+        raise ValueError(f"y: shape {array.shape} found, {wanted} needed beside u {beside}{order}")
     return array
 
 
@@ -128,11 +128,12 @@ def states(name: str, values: Any, experiments: int, size: int) -> Any:
 
 def limits(name: str, values: Any, shape: tuple[int, ...]) -> Any:
     """Return limits of inputs (r,) or (T, r), from those or from a number for all."""
+    array = numbers(name, values)
     try:
-        return np.array(np.broadcast_to(numbers(name, values), shape), dtype=np.float64)
+        return np.array(np.broadcast_to(array, shape), dtype=np.float64)
     except ValueError:
         shapes = f"({shape[-1]},)" if len(shape) == 1 else f"({shape[-1]},) or {shape}"
-        raise ValueError(f"{name}: shape {np.shape(values)} found, a number, {shapes} needed") from None
+        raise ValueError(f"{name}: shape {array.shape} found, a number, {shapes} needed") from None
 
 
 def weights(name: str, value: Any, size: int) -> list[Any]:

@@ -134,8 +134,8 @@ class Ensemble(Channels):
         >>> data.u[...] = 0.0
         >>> data.y[3, :, 0] = 1.0  # one experiment
         """
-        sizes = {"experiments": experiments, "steps": steps, "inputs": inputs, "outputs": outputs}
-        core = new_core(*(_options.integer(name, size, 0) for name, size in sizes.items()), dt=dt)
+        shape = {"experiments": experiments, "steps": steps, "inputs": inputs, "outputs": outputs}
+        core = new_core(*(_options.integer(name, size, 0) for name, size in shape.items()), dt=dt)
         describe(core, **description(locals()))
         return cls._with_warnings(core)
 

@@ -15,6 +15,7 @@ from . import _tokid
 
 T = TypeVar("T")
 
+
 def choice(name: str, value: Any, choices: Mapping[str, T]) -> T:
     """The value of one of several words."""
     if isinstance(value, str) and value in choices:

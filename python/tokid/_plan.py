@@ -17,6 +17,7 @@ from ._samples import one_or_more
 from ._typing import Progress
 from .results import Plan
 
+
 def plan(
     model: Optional[Model] = None,
     *,

@@ -580,12 +580,12 @@ class NominalTest(_Result):
 
 
 class InitialStateTest(_Result):
-    """Test: do the residuals of the first steps show unknown initial states?
+    """Test: do the errors of the first steps show unknown initial states?
 
     Attributes
     ----------
     statistic, threshold : float
-        Largest ratio of an early residual variance to the later one, and its bound.
+        Largest ratio of an early error variance to the later one, and its bound.
     decision : {"zero", "unknown"}
     reason : str
     """

@@ -53,10 +53,11 @@ StepErrors held_out_errors(const Ensemble& data, const SmoothArxOptions& options
       const Split parts = fold(data, f, folds, centred);
       const GtvArx arx = smooth_arx(parts.training, o);
       StepErrors& own = of_folds[size_t(f)];
+      const Index groups = o.variation.groups(arx.steps()),
+                  windows = parts.training.experiments() * (arx.steps() / groups);
       for (Index k = 0; k < arx.steps(); ++k) {
-        // Regressions of about as many unknowns as experiments have large errors for any initial state.
-        if (k > 0 && k < o.lags && o.variation.smoothing < 1 && 2 * arx.regressors(k) > parts.training.experiments())
-          continue;
+        // Regressions of about as many unknowns as windows have large errors for any initial state.
+        if (k > 0 && k < o.lags && o.variation.smoothing < 1 && 2 * arx.regressors(k) > windows) continue;
         const Matrix samples =
                          parts.held_out.samples().middleCols((k - arx.step[size_t(k)].lags) * d, arx.regressors(k)),
                      errors = parts.held_out.output(k) - samples * arx.coefficients(k).transpose();
@@ -70,11 +71,11 @@ StepErrors held_out_errors(const Ensemble& data, const SmoothArxOptions& options
     for (size_t k = 0; k < own.freedom.size(); ++k) result.freedom[k] += own.freedom[k];
   }
   for (Index k = 0; k < data.steps(); ++k) {
-    const double count = std::max(1.0, double(result.freedom[size_t(k)]));
-    result.variance.row(k) /= count;
-    const Eigen::ArrayXXd y = data.output(k);
-    const Vector square = y.isFinite().select(y.square(), 0.0).colwise().sum() / count;
-    result.output_square = result.output_square.cwiseMax(square);
+    result.variance.row(k) /= std::max(1.0, double(result.freedom[size_t(k)]));
+    const Eigen::ArrayXXd y = data.output(k), present = y.isFinite().cast<double>();
+    const Eigen::ArrayXXd squares = (present > 0).select(y.square(), 0.0);
+    const Eigen::ArrayXd mean = squares.colwise().sum() / present.colwise().sum().max(1.0);
+    result.output_square = result.output_square.cwiseMax(mean.matrix());
   }
   return result;
 }
@@ -114,7 +115,7 @@ InitialStateTest test_initial_state(const StepErrors& errors, Index p) {
   test.reason =
       later_freedom > 0
           ? fmt::format(
-                "residual variance of the steps before {} is {:.3g} times that of the later steps, threshold {:.3g}", p,
+                "error variance of the steps before {} is {:.3g} times that of the later steps, threshold {:.3g}", p,
                 test.statistic, test.threshold)
       : reached
           ? "the first steps leave residuals, and without a degree of freedom noise can't be separated from initial states"

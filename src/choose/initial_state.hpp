@@ -1,4 +1,4 @@
-// GTV-ARX model that assumes zero initial states → a test of this assumption by the residuals of the first steps.
+// GTV-ARX model that assumes zero initial states → a test of this assumption by the errors of the first steps.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 

@@ -556,7 +556,8 @@ Model refined(Model model, const Ensemble& data, Index from, Index to, const Ref
   }
   std::optional<em::Data> samples;
   while (from < to) {
-    const Stage stage = stage_after(from);
+    Stage stage = stage_after(from);
+    stage.iterations = std::min(stage.iterations, to - from);
     model = refined_in(stage, model, data, samples, options).model;
     from += stage.iterations;
   }

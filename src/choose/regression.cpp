@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <stdexcept>
 
 #include "base/integers.hpp"
@@ -250,6 +251,24 @@ std::optional<Rivals> rivals_beside(const Ensemble& data, const Selection& selec
                 jumps_within(variation.jumps, selected), stated};
 }
 
+// Evenly spaced experiments, if there are more samples than the choices need.
+Selection with_enough_experiments(Selection selection) {
+  const Ensemble& all = *selection.samples;
+  const Index N = all.experiments(), enough = most_selection_samples / std::max<Index>(1, all.steps());
+  if (N <= enough) return selection;
+  std::vector<Index> rows;
+  for (Index i = 0; i < enough; ++i) rows.push_back(i * N / enough);
+  selection.samples = std::make_shared<Ensemble>(all.subset(rows));
+  return selection;
+}
+
+// The first steps of a record whose choices are made from steps in its middle or from pieces.
+Selection first_steps_of(const Ensemble& data, Index period) {
+  const Index steps = period > 0 ? refined_steps(data, period) : most_selection_steps;
+  return with_enough_experiments(
+      {std::make_shared<Ensemble>(stretch(data, 0, std::min(steps, data.steps()))), 0, true});
+}
+
 // One regression couples all steps.
 Regressed coupled(const Ensemble& data, const Selection& selected, const Plan& stated, const IdentifyOptions& options) {
   const std::optional<InitialStateTest> known = stated_initial_state(data, options);
@@ -318,10 +337,11 @@ Regressed coupled(const Ensemble& data, const Selection& selected, const Plan& s
     result.initial_state_test.decision = InitialState::unknown;
     result.initial_state_test.reason = "not stated with the data";
   } else {
-    const SmoothArxOptions from_rest{plan.lags, InitialState::zero, plan.feedthrough.present, variation,
-                                     share(execution, 0.0, 0.5)};
-    result.initial_state_test =
-        test_initial_state(held_out_errors(selected.from_start ? selection : data, from_rest, o.centred), plan.lags);
+    const Selection first = selected.from_start ? selected : first_steps_of(data, options.period);
+    SmoothArxOptions from_rest{plan.lags, InitialState::zero, plan.feedthrough.present, variation,
+                               share(execution, 0.0, 0.5)};
+    from_rest.variation.jumps = jumps_within(variation.jumps, first);
+    result.initial_state_test = test_initial_state(held_out_errors(*first.samples, from_rest, o.centred), plan.lags);
   }
   plan.initial_state = result.initial_state_test.decision;
   result.arx = regressions(data, plan, share(execution, 0.5, 1.0));
@@ -387,21 +407,6 @@ GtvArx regressed_as(const Ensemble& data, const Plan& plan, const Execution& exe
     check_size(data, plan, plan.method == Method::tvera);
   return regressions(data, plan, execution);
 }
-
-namespace {
-
-// Evenly spaced experiments, if there are more samples than the choices need.
-Selection with_enough_experiments(Selection selection) {
-  const Ensemble& all = *selection.samples;
-  const Index N = all.experiments(), enough = most_selection_samples / std::max<Index>(1, all.steps());
-  if (N <= enough) return selection;
-  std::vector<Index> rows;
-  for (Index i = 0; i < enough; ++i) rows.push_back(i * N / enough);
-  selection.samples = std::make_shared<Ensemble>(all.subset(rows));
-  return selection;
-}
-
-}  // namespace
 
 Selection selection_samples(const Ensemble& data, const IdentifyOptions& options) {
   const Index period = options.period, pieces = ceil_div(5, data.experiments()), steps = data.steps();

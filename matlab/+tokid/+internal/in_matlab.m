@@ -13,7 +13,7 @@ text = regexprep(text, '--no-(feedthrough|refine)(?![\w-])', '''$1'', false');
 recordings = {'--time', '--experiment-column', '--missing', '--dates', '--trigger', '--before', '--resample', ...
               '--resample-method', '--held', '--longest-gap'};
 others = {'--verbose', '--json', '--quiet', '--output', '--version', '--help', '--confidence', '--simulate', ...
-          '--experiment'};
+          '--experiment', '--picture'};
 here = ~ismember(found, [recordings, others]);
 words = found;
 words(here) = cellfun(@(name) ['''', strrep(name(3:end), '-', '_'), ''''], found(here), 'UniformOutput', false);

@@ -47,7 +47,7 @@ if ~made || ~isempty(message) % with a message it was there before, and is not o
 end
 clean = onCleanup(@() remove(folder));
 if ~in_octave && ~ispc()
-  fileattrib(folder, '-r -w -x', 'g o');
+  [~, ~] = fileattrib(folder, '-r -w -x', 'g o'); % a file system may not permit this
 end
 mkdir(folder, 'models');
 end
@@ -82,7 +82,9 @@ switch kind
   case {'value', 'list', 'pair', 'weight'}
     words = {option, text_of(call.command, name, kind, value)};
 end
-words = words(~cellfun(@isempty, words));
+if isempty(option) % a file in its place
+  words = words(2:end);
+end
 end
 
 function text = text_of(command, name, kind, value)
