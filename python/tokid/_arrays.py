@@ -96,7 +96,7 @@ def outputs_beside(values: Any, inputs: np.ndarray[Any, Any], single: bool) -> n
     if alone != single or array.shape[:2] != (experiments, steps):
         wanted, beside = (f"({steps}, m)", (steps, r)) if single else (f"({experiments}, {steps}, m)", inputs.shape)
         order = _other_order(beside, np.shape(values))
-        raise ValueError(f"y: shape {array.shape} found, {wanted} needed beside u {beside}{order}")
+        raise ValueError(f"y: shape {np.shape(values)} found, {wanted} needed beside u {beside}{order}")
     return array
 
 
