@@ -39,8 +39,11 @@ struct Stage {
 };
 constexpr Index first_iterations = 3, warmed_up = 48;
 
-// The stage that follows so many iterations.
-Stage stage_after(Index done) { return {std::max(first_iterations, done), done < warmed_up}; }
+// The stage that follows so many iterations. Models whose steps share their matrices have few coefficients, so EM with
+// few iterations is not better than EM with many.
+Stage stage_after(Index done, bool shared) {
+  return {std::max(shared ? warmed_up : first_iterations, done), done < warmed_up};
+}
 
 // All attempts have the stages up to here. If steps do not share their matrices, the best attempts then go on. If steps
 // share their matrices, EM needs many iterations, but an iteration takes less time. With a jump, a large λ shows only
@@ -395,7 +398,7 @@ class Folds::RefinementSearch {
     now.smoothing = smoothing;
     now.models = starts_;
     while (now.iterations < first_end(options(0.0)))
-      if (now = refined(std::move(now), stage_after(now.iterations)); !go_on(now)) break;
+      if (now = refined(std::move(now), stage_after(now.iterations, folds_.pooled())); !go_on(now)) break;
     return now;
   }
 
@@ -411,7 +414,7 @@ class Folds::RefinementSearch {
       std::vector<Attempt> improved;
       for (const Attempt& a : racing) {
         if (most.advantage(a.likelihood) > significant) continue;
-        Attempt next = refined(a, stage_after(a.iterations));
+        Attempt next = refined(a, stage_after(a.iterations, folds_.pooled()));
         keep(next);
         const bool better = next.likelihood.sum() > a.likelihood.sum() ||
                             (next.error() < a.error() && likely(next) && (!more || more->likely(next)));
@@ -556,7 +559,7 @@ Model refined(Model model, const Ensemble& data, Index from, Index to, const Ref
   }
   std::optional<em::Data> samples;
   while (from < to) {
-    Stage stage = stage_after(from);
+    Stage stage = stage_after(from, options.period.value_or(0) > 0);
     stage.iterations = std::min(stage.iterations, to - from);
     model = refined_in(stage, model, data, samples, options).model;
     from += stage.iterations;
@@ -564,7 +567,7 @@ Model refined(Model model, const Ensemble& data, Index from, Index to, const Ref
   return model;
 }
 
-Index next_stage_end(Index iterations) { return iterations + stage_after(iterations).iterations; }
+Index next_stage_end(Index iterations) { return iterations + stage_after(iterations, false).iterations; }
 
 bool stopped_early(Index iterations, const RefineOptions& options) { return iterations < first_end(options); }
 
