@@ -84,7 +84,7 @@ demo:
 # LEVEL: avx2, sse4 or baseline for results as on an older processor
 test test-all:
 	$(call install,$(test_packages))
-	@$(configure) test -DTOKID_BUILD_STUDIES=$(if $(filter test,$@),OFF,ON) >/dev/null
+	@$(configure) test $(if $(filter test-all,$@),-DTOKID_BUILD_STUDIES=ON) >/dev/null
 	@cmake --build build --target all tests_environment
 	@$(python) tests/run.py build $(if $(LEVEL),--as $(LEVEL)) $(if $(filter test,$@),--label-exclude slow)
 

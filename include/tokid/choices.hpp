@@ -11,10 +11,11 @@
 
 namespace tokid {
 
-// Test of the initial state. An initial state that is not zero enlarges the residuals of the steps k < p, but not the
-// residuals of later steps. The test compares the variances of the early and the later residuals.
+// Test of the initial state. An initial state that is not zero enlarges the one-step errors of the steps k < p, but not
+// those of later steps. The test compares their variances. The errors are residuals if each step has its own
+// regression, and those of held-out experiments if the steps are coupled.
 struct InitialStateTest {
-  double statistic = 0.0;  // residual variance of a step k < p over that of the later steps; largest over k and outputs
+  double statistic = 0.0;  // error variance of a step k < p over that of the later steps; largest over k and outputs
   double threshold = 0.0;
   InitialState decision = InitialState::zero;
   std::string reason;

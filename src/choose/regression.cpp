@@ -333,9 +333,9 @@ Regressed coupled(const Ensemble& data, const Selection& selected, const Plan& s
   if (known) {
     result.initial_state_test = *known;
   } else if (data.experiments() < 2) {
-    result.initial_state_test.threshold = std::numeric_limits<double>::infinity();
-    result.initial_state_test.decision = InitialState::unknown;
-    result.initial_state_test.reason = "not stated with the data";
+    result.initial_state_test = {.threshold = std::numeric_limits<double>::infinity(),
+                                 .decision = InitialState::unknown,
+                                 .reason = "not stated with the data"};
   } else {
     const Selection first = selected.from_start ? selected : first_steps_of(data, options.period);
     SmoothArxOptions from_rest{plan.lags, InitialState::zero, plan.feedthrough.present, variation,
