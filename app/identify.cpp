@@ -54,11 +54,6 @@ std::vector<double> relative(const Vector& mean_log_square) {
   return {error.begin(), error.end()};
 }
 
-std::vector<double> relative(std::vector<double> logs) {
-  for (double& value : logs) value = std::exp(value);
-  return logs;
-}
-
 // With an error of 200 % or more, a model is useless, and the exact number does not matter.
 std::string share(double error) { return error < 1.999 ? number(100 * error) + " %" : "> 200 %"; }
 
@@ -83,12 +78,13 @@ bool decided_after_em(const Identification& result) {
 
 Trial state_trial(const Identification& result) {
   const OrderScores& found = result.order_scores;
-  return {"n",
-          found.states,
-          {{"one-step error", relative(found.one_step)},
-           {fmt::format("{}-step error", OrderScores::horizon), relative(found.ahead)},
-           {"simulation error", relative(found.simulation)}},
-          found.best};
+  Trial trial{"n", found.states, {}, found.best};
+  for (size_t h = 0; h < found.horizons.size(); ++h) {
+    const std::string steps = h == 0 ? "one" : fmt::format("{}", found.horizons[h]);
+    const Vector errors = found.errors.col(Index(h)).array().exp();
+    trial.errors.emplace_back(steps + "-step error", std::vector<double>(errors.begin(), errors.end()));
+  }
+  return trial;
 }
 
 void add_trial(const Trial& trial, Page& page) {
@@ -128,7 +124,7 @@ Json json(const RegressionComparison& comparison) {
           {"smoothing", json_penalty(comparison.smoothing)}};
 }
 
-// null if nothing was tried. Errors are weighted geometric means of the one-step, many-step and simulation errors.
+// null if nothing was tried.
 Json json(const RefinementChoice& choice) {
   if (choice.trials.empty() && choice.jumps.empty()) return {};
   Json j{{"states", choice.states},
@@ -255,7 +251,7 @@ void add_states(const Call& call, const Identification& result, Page& page) {
                     : result.plan.method == Method::regression     ? "all those of the regression"
                     : after_em                                     ? "by cross-validation error, after EM"
                     : tried && result.order_scores.cross_validated ? "by cross-validation error"
-                    : tried                                        ? "by prediction and simulation errors"
+                    : tried                                        ? "by prediction errors"
                                                                    : "the rank of the Hankel matrices";
   page.row("States", fmt::format("n = {}, {}", model.states(), why));
   if (!call.verbose) return;

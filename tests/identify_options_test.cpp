@@ -31,6 +31,7 @@ TEST(IdentifyOptions, EveryOneReturnsFromItsText) {
                               .delays = std::vector<Index>{0, 7},
                               .weighting = Weighting::projection,
                               .output_weights = {0, 2.5, 1},
+                              .horizons = {1, 40},
                               .refine = false,
                               .initial_state = InitialState::unknown,
                               .nominal = NominalChoice::mean,
@@ -49,9 +50,9 @@ TEST(IdentifyOptions, EveryOneReturnsFromItsText) {
   for (const IdentifyOptions& written : {other, one_model, IdentifyOptions{}}) {
     const IdentifyOptions read = identify_options(io::provenance_of(io::provenance_text({.options = written})));
     // A field more does not compile here until it stands in the list, and belongs into the table of the text too.
-    const auto& [states, lags, method, smoothing, feedthrough, period, jumps, delays, weighting, output_weights, refine,
-                 initial_state, nominal, frame, reference_step, hold_out, outliers, rows, cols, choices, execution] =
-        read;
+    const auto& [states, lags, method, smoothing, feedthrough, period, jumps, delays, weighting, output_weights,
+                 horizons, refine, initial_state, nominal, frame, reference_step, hold_out, outliers, rows, cols,
+                 choices, execution] = read;
     EXPECT_EQ(states, written.states);
     EXPECT_EQ(lags, written.lags);
     EXPECT_EQ(method, written.method);
@@ -62,6 +63,7 @@ TEST(IdentifyOptions, EveryOneReturnsFromItsText) {
     EXPECT_EQ(delays, written.delays);
     EXPECT_EQ(weighting, written.weighting);
     EXPECT_EQ(output_weights, written.output_weights);
+    EXPECT_EQ(horizons, written.horizons);
     EXPECT_EQ(refine, written.refine);
     EXPECT_EQ(initial_state, written.initial_state);
     EXPECT_EQ(nominal, written.nominal);

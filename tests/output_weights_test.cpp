@@ -4,7 +4,8 @@
 
 #include <array>
 
-#include "choose/folds.hpp"
+#include "choose/held_out_error.hpp"
+#include "data/output_weights.hpp"
 #include "testing.hpp"
 #include "tokid/identify.hpp"
 #include "tokid/lag_orders.hpp"
@@ -124,8 +125,7 @@ void expect_equal_models(const Ensemble& data, IdentifyOptions options, const st
   options.output_weights = others;
   const Identification other = identify(data, options);
   EXPECT_EQ(one.plan.lags, other.plan.lags);
-  EXPECT_EQ(one.order_scores.one_step, other.order_scores.one_step);
-  EXPECT_EQ(one.order_scores.simulation, other.order_scores.simulation);
+  EXPECT_EQ(one.order_scores.errors, other.order_scores.errors);
   ASSERT_EQ(state_dims(one.model), state_dims(other.model));
   constexpr std::array<Step::View (Step::*)() const, 5> parts{&Step::A, &Step::B, &Step::C, &Step::D, &Step::G};
   for (const auto part : parts) EXPECT_EQ(all(one.model, part), all(other.model, part));
@@ -173,8 +173,9 @@ TEST(OutputWeights, WeightErrorsOfChoices) {
   });
   expect_mean([&](const Vector& w) { return lag_order_errors(data, {.p_max = 2, .output_weights = w}).mean(1); });
   const Model model = identify(data, {.states = 2, .lags = 2, .refine = false, .nominal = NominalChoice::none}).model;
-  const Computed computed = computed_by(model, data, InitialState::zero, 0);
-  expect_mean([&](const Vector& w) { return errors_of(computed, data, w).one_step; });
+  const Ahead ahead{0, {1, 5}};
+  const Squares squares = squares_of(predicted_by(model, data, InitialState::zero, ahead), data, ahead);
+  expect_mean([&](const Vector& w) { return held_out_error(squares, weights_of(w, 2)).value; });
 }
 
 TEST(OutputWeights, AnotherNumberIsRefused) {

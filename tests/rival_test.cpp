@@ -118,7 +118,7 @@ Ensemble late(Index experiments, std::uint64_t seed, double noise) {
 TEST(Rivals, SeeInputsBeyondTheLagsOfTheChoice) {
   SmoothingOptions o;
   o.lags = {1, 2, 4, 8, 12, 16, 24};
-  const RegressionErrors errors(late(24, 3, 0.1), o, 3);
+  const RegressionErrors errors(late(24, 3, 0.1), o, 3, IdentifyOptions().horizons);
   EXPECT_GE(best_regression({o, 2, 100.0}, errors, errors.squares(0, 3, 2, 100.0)).lags, 16);
 }
 
@@ -128,7 +128,7 @@ TEST(Rivals, HaveTheirOwnSmoothing) {
   for (Index k = 0; k < e.steps(); ++k) e.output(k) *= 1 + 0.5 * std::sin(0.1 * double(k));
   SmoothingOptions o;
   o.lags = {1, 2, 4, 8, 12, 16, 24};
-  const RegressionErrors errors(e, o, 3);
+  const RegressionErrors errors(e, o, 3, IdentifyOptions().horizons);
   const Rivals rivals{o, 2, 0.1};
   const RegressionErrors::Found found = best_regression(rivals, errors, errors.squares(0, 3, 2, 0.1));
   EXPECT_GE(found.lags, 16);
@@ -143,7 +143,7 @@ TEST(Rivals, HaveTheirOwnSmoothing) {
 TEST(Rivals, AreGivenUpWhereHopeless) {
   SmoothingOptions o;
   o.lags = {1, 2, 4, 8};
-  const RegressionErrors errors(late(24, 3, 0.1), o, 3);
+  const RegressionErrors errors(late(24, 3, 0.1), o, 3, IdentifyOptions().horizons);
   const Rivals rivals{o, 2, 100.0};
   const std::vector<Squares> as_good = errors.squares(0, 3, 8, std::numeric_limits<double>::infinity());
   std::vector<Squares> hopeless = as_good;
@@ -157,7 +157,7 @@ TEST(Rivals, AreGivenUpWhereHopeless) {
 bool holds(const Ensemble& e, Index lags, double smoothing) {
   SmoothingOptions o;
   o.lags = {lags};
-  const RegressionErrors errors(e, o, 3);
+  const RegressionErrors errors(e, o, 3, IdentifyOptions().horizons);
   return holds_with_nearly_all(errors.found(lags, smoothing), errors, e, o);
 }
 

@@ -117,7 +117,7 @@ print(f"Runs           {RUNS} of {STEPS} steps of {1000 * DT:g} ms; noise {1000 
 began = time.perf_counter()
 with warnings.catch_warnings():
     warnings.simplefilter("ignore", tokid.TokidWarning)  # that the first one starts late
-    first = tokid.identify(experiments, lags=6, refine=False)
+    first = tokid.identify(experiments, lags=8, refine=False)
     model = first.refine(experiments, smoothing=first.identification.smoothing_choice.smoothing, iterations=20)
 controller = model.lqr(1.0, 1e-3)
 print(f"Model          {model.states} states, steps {model.k_begin} to {model.k_end - 1}, "

@@ -23,25 +23,25 @@ struct InitialStateTest {
 
 // Errors of the model of each candidate state dimension n. Filled if n was chosen from noisy data.
 struct OrderScores {
-  static constexpr Index horizon = 10;  // prediction horizon H of `ahead`
-  std::vector<Index> states;
-  // For each entry of `states`: log of the RMS error over the RMS of the departures, mean over the outputs with the
-  // weights of the outputs.
-  std::vector<double> one_step, ahead, simulation;
+  std::vector<Index> horizons;  // (H) steps ahead, ascending; the first is 1
+  std::vector<Index> states;    // the candidates
+  // (candidates × H) Log of the RMS error over the RMS of the departures, mean over the outputs with their weights. Of
+  // more than one step, it is at most 0, the error of predicting no departure.
+  Matrix errors;
   bool cross_validated = false;  // true: cross-validation errors (subspace); false: errors on the training data (TVERA)
   double smoothing = 0.0;        // λ of the regressions on states, used for these errors
   Weighting weighting = Weighting::one_step;
   double price = 0.0;  // errors on the training data: penalty for each state, 2/3 (r+m) / (N m)
   double smallest = std::numeric_limits<double>::infinity();  // smallest mean()
-  // Standard error, over the folds, of the difference between mean() and its smallest value. Empty for errors on the
-  // training data.
+  // Standard error, over the experiments, of the difference between mean() and its smallest value. Empty for errors on
+  // the training data.
   std::vector<double> uncertainty;
   // The smallest n whose mean() exceeds the smallest mean() by no more than a margin. The margin is the entry of
   // `uncertainty`, but at least 0.5 % and at most 2 %.
   Index best = 0;
 
-  void add(Index n, double one_step_error, double ahead_error, double simulation_error);
-  // The mean of the three logs, with weight 3 for one_step, plus the penalty for the states.
+  void add(Index n, const Vector& errors_of_horizons);
+  // The mean over the horizons, plus the penalty for the states.
   double mean(size_t i) const;
   void choose();
 };
@@ -62,8 +62,9 @@ struct Jump {
   // jump. Empty if the jump was stated.
   std::optional<double> loss = {};
 };
-// How large the errors of predictions are, OrderScores::horizon steps ahead, on held-out experiments. NaN: not known.
+// How large the errors of predictions are, `horizon` steps ahead, on held-out experiments. NaN: not known.
 struct AheadCertainty {
+  static constexpr Index horizon = 10;
   double ratio = std::numeric_limits<double>::quiet_NaN();  // their RMS over what the model says
   // The least share of their variance that comes from the model: by how much the models of different folds differ.
   double model_share = std::numeric_limits<double>::quiet_NaN();

@@ -55,8 +55,8 @@ struct NoisyChoices {
   double state_smoothing = 0.0;  // λ of the regressions on states
   Weighting weighting = Weighting::one_step;
   double refinement_smoothing = 0.0;  // λ of EM
-  Index refinement_iterations = 0;  // 0: no refinement
-  std::vector<Index> delays = {};   // as in IdentifyOptions
+  Index refinement_iterations = 0;    // 0: no refinement
+  std::vector<Index> delays = {};     // as in IdentifyOptions
 };
 
 // Do the outputs respond to the inputs of the same step? If not, D_k = 0.
@@ -111,6 +111,9 @@ struct IdentifyOptions {
   // They act on the errors by which p, λ, n, the weighting and the use of EM are chosen, and on which states are kept
   // if there are more than n. EM itself maximises the likelihood, whatever the weights are.
   std::vector<double> output_weights = {};
+  // Steps ahead, ascending from 1 on: predictions of these horizons decide between numbers of states, EM and
+  // regressions. Those beyond half of the record do not count.
+  std::vector<Index> horizons = {1, 5, 20};
   // true: EM refines the model, if this lowers the cross-validation error. Empty: true for noisy data with the subspace
   // realisation.
   std::optional<bool> refine = {};

@@ -38,6 +38,7 @@ function [model, evidence] = identify(varargin)
 %   'refine'              true, false or 'auto': maximum likelihood as far as it helps
 %   'weighting'           'auto', 'one-step', 'many-steps' or 'projection'
 %   'output_weights'      a number from 0 on for each output that matters more or less, or 'equal'
+%   'horizons'            steps ahead of the predictions whose errors decide, from 1 on
 %   'initial_state'       'auto', 'zero' or 'unknown'
 %   'frame'               'raw', 'reference' or 'smooth'; 'reference_step': its step
 %   'nominal'             'auto', 'none' or 'mean'
@@ -63,7 +64,7 @@ function [model, evidence] = identify(varargin)
 
 given = {'', 'data', 'data', []; '-o', 'new', 'model.mat', []};
 options = ['states lags method smoothing feedthrough:switch time_invariant:flag period jumps:list ' ...
-           'delays:list refine:switch weighting output_weights:list initial_state frame ' ...
+           'delays:list refine:switch weighting output_weights:list horizons:list initial_state frame ' ...
            'reference_step nominal hold_out outliers rows cols threads block print:own ' ...
            'report:file state:file inputs:list outputs:list'];
 call = tokid.internal.take('identify', given, options, varargin);

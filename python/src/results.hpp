@@ -134,9 +134,8 @@ RESULT(InitialStateTest, "InitialStateTest", FIELD(statistic), FIELD(threshold),
 RESULT(LagOrderErrors, "LagOrderErrors", FIELD(steps), FIELD(error), FIELD(mean), FIELD(best))
 RESULT(SmoothingTrial, "SmoothingTrial", FIELD(lags), FIELD(smoothing), FIELD(error))
 RESULT(SmoothingChoice, "SmoothingChoice", FIELD(trials), FIELD(lags), FIELD(smoothing), FIELD(error))
-RESULT(OrderScores, "OrderScores", FIELD(states), FIELD(one_step), FIELD(ahead), FIELD(simulation), FIELD(horizon),
-       FIELD(cross_validated), FIELD(smoothing), FIELD(weighting), FIELD(price), FIELD(smallest), FIELD(uncertainty),
-       FIELD(best))
+RESULT(OrderScores, "OrderScores", FIELD(states), FIELD(horizons), FIELD(errors), FIELD(cross_validated),
+       FIELD(smoothing), FIELD(weighting), FIELD(price), FIELD(smallest), FIELD(uncertainty), FIELD(best))
 RESULT(RefinementTrial, "RefinementTrial", FIELD(states), FIELD(smoothing), FIELD(iterations), FIELD(error),
        FIELD(log_likelihood))
 RESULT(Jump, "Jump", FIELD(step), FIELD(loss))

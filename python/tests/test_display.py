@@ -146,8 +146,8 @@ def test_other_results_have_a_field_in_each_line(held_out):
     found = held_out.identification
     assert repr(found.validation.simulation).startswith("Fit(fit=[")
     scores = repr(found.order_scores)
-    assert scores.startswith("tokid.OrderScores\n") and re.search(r"^  horizon\s+10$", scores, re.M)
-    assert "<th>horizon</th><td>10</td>" in found.order_scores._repr_html_()
+    assert scores.startswith("tokid.OrderScores\n") and re.search(r"^  horizons\s+\[1, 5\]$", scores, re.M)
+    assert "<th>horizons</th><td>[1, 5]</td>" in found.order_scores._repr_html_()
 
 
 def test_findings_are_single_lines(named):

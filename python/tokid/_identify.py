@@ -41,6 +41,7 @@ def identify(
     delays: Union[int, str, Sequence[int]] = "auto",
     weighting: str = "auto",
     output_weights: Union[str, Sequence[float]] = "equal",
+    horizons: Sequence[int] = (1, 5, 20),
     refine: Union[bool, str, None] = None,
     initial_state: str = "auto",
     nominal: str = "auto",
@@ -106,6 +107,9 @@ def identify(
         Weights of the outputs, from 0 on and not all 0; only their ratios matter. They act on the errors by which lags,
         smoothing, states, weighting and the use of EM are chosen, and on which states are kept if there are more than
         n. EM itself maximises the likelihood, whatever the weights are. "equal": all outputs count alike.
+    horizons : sequence of int
+        Steps ahead, ascending from 1 on, of the predictions whose errors choose states, EM and regressions. Those
+        beyond half of the record do not count.
     refine : bool, "auto" or None
         Maximum likelihood by EM, as far as it lowers the cross-validation error. "auto" or None: for noisy data with the
         subspace realisation.

@@ -22,6 +22,7 @@ class IdentifyOptions(TypedDict, total=False):
     delays: Union[int, str, Sequence[int]]
     weighting: str
     output_weights: Union[str, Sequence[float]]
+    horizons: Union[int, str, Sequence[int]]
     refine: Union[bool, str, None]
     initial_state: str
     nominal: str

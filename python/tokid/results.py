@@ -658,10 +658,10 @@ class OrderScores(_Result):
     ----------
     states : list of int
         The candidates.
-    one_step, ahead, simulation : ndarray, shape (candidates,)
-        Log of the RMS error over the RMS of the departures, mean over the outputs. `ahead` belongs to predictions
-        `horizon` steps ahead.
-    horizon : int
+    horizons : list of int
+        Steps ahead.
+    errors : ndarray, shape (candidates, horizons)
+        Log of the RMS error over the RMS of the departures, mean over the outputs.
     cross_validated : bool
         True: cross-validation errors. False: errors on the training data.
     smoothing : float
@@ -670,7 +670,7 @@ class OrderScores(_Result):
     price : float
         Penalty for each state, for errors on the training data.
     smallest : float
-        The smallest weighted mean of the three logs, penalty included.
+        The smallest mean of these logs over the horizons, penalty included.
     uncertainty : ndarray, shape (candidates,)
         Standard error of the difference from the order with the smallest mean. Empty for errors on the training data.
     best : int
@@ -678,10 +678,8 @@ class OrderScores(_Result):
     """
 
     states: list[int]
-    one_step: Array
-    ahead: Array
-    simulation: Array
-    horizon: int
+    horizons: list[int]
+    errors: Array
     cross_validated: bool
     smoothing: float
     weighting: str

@@ -19,29 +19,6 @@ namespace tokid {
 // required factor is higher, but at most `most_uncertain`.
 inline constexpr double worth_it = 1.005, most_uncertain = 1.02;
 
-// Errors of a model of departures: the logarithm of error divided by departure, averaged over the outputs with their
-// weights. The errors of predictions over many steps and of simulations are at most 0, the error of predicting a
-// departure of zero.
-struct Errors {
-  double one_step = 0.0, ahead = 0.0, simulation = 0.0;
-
-  // The one-step error has the largest weight, because errors over many steps are correlated and uncertain. With equal
-  // weights, the chosen models predicted measured data worse, one step ahead and many steps ahead.
-  double mean() const { return (3 * one_step + ahead + simulation) / 5; }
-};
-Errors mean_of(const std::vector<Errors>& folds);
-
-// Outputs that a model of departures computes. The outputs are NaN before step `first`, see first_scored().
-struct Computed {
-  Ensemble one_step, ahead, simulation;
-};
-Computed computed_by(Model model, const Ensemble& data, InitialState initial, Index first);
-Model of_departures(Model model, const Ensemble& data);  // with a mean motion of zero
-// The predictions of OrderScores::horizon steps alone.
-Ensemble ahead_by(Model model, const Ensemble& data, InitialState initial);
-// `weights`: of the outputs, as in Plan. With `like`, the errors cover only the samples that `like` contains too.
-Errors errors_of(Computed computed, const Ensemble& data, const Vector& weights, const Computed* like = nullptr);
-
 // After so many iterations, no further stage of EM begins.
 inline constexpr Index most_iterations = 480;
 // Goes on with EM from the end of one stage to that of another, in the same stages as cross-validation has. `from`,
@@ -73,6 +50,7 @@ class Folds {
     std::vector<Weighting> weightings = {Weighting::one_step};  // to choose from
     bool centred = false;                                       // departures from a mean motion: see fold()
     Vector output_weights = {};                                 // as in Plan
+    std::vector<Index> horizons = IdentifyOptions().horizons;
     Execution execution = {};
   };
   // Fits an ARX model and predictors to the experiments outside each fold.
@@ -105,19 +83,15 @@ class Folds {
   bool pooled() const { return options_.variation.period > 0; }
   Model start(size_t f, Index states, Weighting weighting, double smoothing) const;
   OrderScores scores(Weighting weighting, double smoothing, Index least, Index most, const Execution& execution) const;
-  // The errors of the models of the first `count` folds; empty if a model does not have this number of states.
-  std::optional<std::vector<Errors>> errors_of_folds(size_t count, Index states,
-                                                     const std::function<Model(size_t)>& make, Index first,
-                                                     const Execution& execution,
-                                                     const std::vector<Computed>& like = {}) const;
+  // The error of the models of the first `count` folds; infinite if a model does not have this number of states.
+  // `like`: for each fold, as in squares_of().
+  HeldOutError error_of(size_t count, Index states, const std::function<Model(size_t)>& make, const Ahead& ahead,
+                        const Execution& execution, const std::vector<Predicted>& like = {}) const;
 
   Options options_;
   Index experiments_;
-  Index first_ = 0;
+  Ahead ahead_;
   std::vector<Fold> folds_;
-  // Errors of simulations count. They do not if regressions simulate worse than the mean motion: the plant is
-  // then unstable, or noise moves it more than its inputs.
-  bool simulates_ = true;
 };
 
 }  // namespace tokid

@@ -3,9 +3,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "base/nan.hpp"
 #include "base/statistics.hpp"
+#include "model/step_by_step.hpp"
 
 namespace tokid {
 
@@ -34,9 +36,46 @@ Index first_scored(InitialState initial, Index lags, Index period) {
   return initial == InitialState::zero ? 0 : period > 0 ? lags : 2 * lags;
 }
 
+std::vector<Index> horizons_within(std::vector<Index> horizons, Index steps) {
+  std::erase_if(horizons, [&](Index h) { return h > 1 && 2 * h > steps; });
+  return horizons;
+}
+
+Model of_departures(Model model, const Ensemble& data) {
+  model.y_nominal = Matrix::Zero(data.steps(), data.outputs());
+  model.u_nominal = Matrix::Zero(data.steps(), data.inputs());
+  return model;
+}
+
+Predicted predicted_by(Model model, const Ensemble& departures, InitialState initial, const Ahead& ahead) {
+  const Index m = departures.outputs(), steps = departures.steps();
+  Predicted result(ahead.horizons.size(), Matrix::Constant(departures.experiments(), steps * m, nan));
+  predict_ahead_each(
+      of_departures(std::move(model), departures), departures, initial, ahead.horizons,
+      [&](Index s) { return s >= ahead.from && ahead.all_begin(s, steps); },
+      [&](Index i, Index k, const Matrix& y) {
+        if (k >= ahead.from) result[size_t(i)].middleCols(k * m, m) = y;
+      });
+  return result;
+}
+
+Squares squares_of(const Predicted& predicted, const Ensemble& departures, const Ahead& ahead, const Predicted* like) {
+  const Index m = departures.outputs();
+  Squares result(departures.experiments(), Index(ahead.horizons.size()) * m);
+  for (size_t i = 0; i < predicted.size(); ++i)
+    for (Index k = ahead.from; k < departures.steps(); ++k) {
+      const auto y = predicted[i].middleCols(k * m, m);
+      if (like)
+        result.add(Index(i), y + 0.0 * (*like)[i].middleCols(k * m, m), departures, k);
+      else
+        result.add(Index(i), y, departures, k);
+    }
+  return result;
+}
+
 HeldOutError held_out_error(const Squares& s, const Vector& weights) {
   const Index m = weights.size(), horizons = s.errors.cols() / std::max<Index>(1, m);
-  HeldOutError result{0.0, Vector::Zero(s.errors.rows())};
+  HeldOutError result{0.0, Vector::Zero(horizons), Vector::Zero(s.errors.rows())};
   const double count = double(s.errors.rows());
   for (Index i = 0; i < horizons; ++i) {
     Vector share = Vector::Zero(m);
@@ -46,13 +85,15 @@ HeldOutError held_out_error(const Squares& s, const Vector& weights) {
     const double least = std::max(1e-300, least_counted * least_counted * share.maxCoeff());
     for (Index j = 0; j < m; ++j) {
       const Index c = i * m + j;
-      const double y = s.outputs.col(c).sum(), weight = weights(j) / (weights.sum() * double(horizons));
+      const double y = s.outputs.col(c).sum(), weight = weights(j) / weights.sum();
       if (!(y > 0) || (i > 0 && share(j) >= 1)) continue;
-      result.value += weight * 0.5 * std::log(std::max(share(j), least));
+      result.of_horizon(i) += weight * 0.5 * std::log(std::max(share(j), least));
       if (share(j) < least) continue;
-      result.influence += weight * 0.5 * count * (s.errors.col(c) / s.errors.col(c).sum() - s.outputs.col(c) / y);
+      result.influence +=
+          weight / double(horizons) * 0.5 * count * (s.errors.col(c) / s.errors.col(c).sum() - s.outputs.col(c) / y);
     }
   }
+  result.value = result.of_horizon.mean();
   if (std::isnan(result.value)) result.value = std::numeric_limits<double>::infinity();
   return result;
 }

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "tokid/choices.hpp"
+#include "tokid/model.hpp"
 
 namespace tokid {
 
@@ -24,6 +25,9 @@ struct Squares {
   void add(Index i, const ConstMatrixRef& predicted, const Ensemble& measured, Index k);
 };
 
+// Predicted outputs (N × T m) at each horizon. NaN where a model cannot predict, or where nothing was predicted.
+using Predicted = std::vector<Matrix>;
+
 // The experiments of one fold after those of the other.
 Squares joined(const std::vector<Squares>& folds);
 
@@ -40,11 +44,22 @@ struct Ahead {
   bool all_begin(Index step, Index steps) const { return step % 2 == 0 && step + horizons.back() <= steps; }
 };
 
+// Without those beyond half of the steps.
+std::vector<Index> horizons_within(std::vector<Index> horizons, Index steps);
+
+Model of_departures(Model model, const Ensemble& data);  // with a mean motion of zero
+// The outputs that a model of departures predicts.
+Predicted predicted_by(Model model, const Ensemble& departures, InitialState initial, const Ahead& ahead);
+// Their squares. With `like`, only the samples count that `like` predicts too.
+Squares squares_of(const Predicted& predicted, const Ensemble& departures, const Ahead& ahead,
+                   const Predicted* like = nullptr);
+
 // An error of predictions of held-out experiments: the logarithm of error divided by departure, averaged over horizons
 // and outputs. Several steps ahead it is at most 0, the error of predicting the mean motion.
 struct HeldOutError {
   double value = std::numeric_limits<double>::infinity();
-  Vector influence;  // (N) derivative of `value` with respect to the weight of each experiment; its mean is zero
+  Vector of_horizon;  // (H) whose mean is `value`
+  Vector influence;   // (N) derivative of `value` with respect to the weight of each experiment; its mean is zero
 };
 // Standard error of the difference of two errors.
 double standard_error(const HeldOutError& a, const HeldOutError& b);

@@ -14,6 +14,7 @@
 #include "choose/folds.hpp"
 #include "choose/stages.hpp"
 #include "data/channel_sizes.hpp"
+#include "data/output_weights.hpp"
 #include "noise/observer_form.hpp"
 #include "tokid/em.hpp"
 #include "tokid/markov.hpp"
@@ -56,9 +57,22 @@ Plan as_asked(const Ensemble& data, Plan plan, const IdentifyOptions& o) {
   return plan;
 }
 
-// Singular values of noisy data show no rank. The errors of predictions and of simulations choose the order instead.
+// Predictions of so many steps. Before `from`, the observers have not settled.
+Ahead ahead_of(const Plan& plan, Index steps, const IdentifyOptions& options) {
+  const Index from = first_scored(plan.initial_state, plan.lags, plan.choices.variation.period);
+  return {from, horizons_within(options.horizons, steps - from)};
+}
+
+// `like`: as in squares_of()
+HeldOutError error_of(const Predicted& predicted, const Ensemble& data, const Ahead& ahead, const Plan& plan,
+                      const Predicted* like = nullptr) {
+  return held_out_error(squares_of(predicted, data, ahead, like), weights_of(plan.output_weights, data.outputs()));
+}
+
+// Singular values of noisy data show no rank. The errors of predictions choose the order instead.
 OrderScores score_orders(const Ensemble& data, const GtvArx& arx, const Markov& parameters,
-                         const HankelFactors& factors, TveraOptions o, const Plan& plan) {
+                         const HankelFactors& factors, TveraOptions o, const Plan& plan,
+                         const IdentifyOptions& options) {
   OrderScores scores;
   std::optional<Ensemble> fewer;
   if (data.experiments() > most_scored) {
@@ -71,15 +85,15 @@ OrderScores score_orders(const Ensemble& data, const GtvArx& arx, const Markov& 
   // samples.
   scores.price = 2.0 / 3 * double(data.channels()) / double(data.outputs() * data.experiments());
   const Index most = std::min(plan.lags * data.outputs(), o.cols * data.inputs());
-  const Index first = first_scored(plan.initial_state, plan.lags, 0);
+  const Ahead ahead = ahead_of(plan, scored.steps(), options);
+  scores.horizons = ahead.horizons;
   Index best = 0;
   for (Index n = 1; n <= most; ++n) {
     o.states = n;
     Model model = completed(realise(parameters, factors, o), data, arx, plan);
     if (model.steps() == 0 || model.states() < n) break;
-    const Errors e =
-        errors_of(computed_by(std::move(model), scored, plan.initial_state, first), scored, plan.output_weights);
-    scores.add(n, e.one_step, e.ahead, e.simulation);
+    const Predicted predicted = predicted_by(std::move(model), scored, plan.initial_state, ahead);
+    scores.add(n, error_of(predicted, scored, ahead, plan).of_horizon);
     if (scores.mean(scores.states.size() - 1) <= scores.smallest) best = n;
     if (n >= best + patience) break;
   }
@@ -88,7 +102,8 @@ OrderScores score_orders(const Ensemble& data, const GtvArx& arx, const Markov& 
 }
 
 // TVERA with the order that has the smallest corrected training error. One factorisation of H_k is used for all orders.
-void realise_in_scored_order(const Ensemble& data, GtvArx arx, const Execution& execution, Realised& result) {
+void realise_in_scored_order(const Ensemble& data, GtvArx arx, const IdentifyOptions& options, Realised& result) {
+  const Execution execution = in_stage(options.execution, WorkStage::realisation);
   Plan& plan = result.plan;
   TveraOptions o = tvera_options(plan, data.outputs());
   const Markov parameters = markov(arx, o.rows + o.cols - 1, share(execution, 0.0, 0.5));
@@ -96,7 +111,7 @@ void realise_in_scored_order(const Ensemble& data, GtvArx arx, const Execution& 
   o.execution = share(execution, 0.5, 1.0);
   const HankelFactors factors = hankel_factors(parameters, data.free, o);
   o.execution.progress = {};
-  result.order_scores = score_orders(data, arx, parameters, factors, o, plan);
+  result.order_scores = score_orders(data, arx, parameters, factors, o, plan, options);
   plan.states = o.states = result.order_scores.best;
   result.model = completed(realise(parameters, factors, o), data, arx, plan);
 }
@@ -128,30 +143,30 @@ std::vector<Weighting> weightings(const Ensemble& selection, const Plan& plan, c
 
 struct Refined {
   Model model;
-  Errors errors;
+  HeldOutError errors;  // of the training data
   Index iterations = 0;
 };
 
 // EM with the iterations of the plan. A mode may need more iterations to grow out of a saddle of the likelihood than on
 // the folds. EM therefore goes on while its one-step error is larger than `expected`. If the folds stopped early, it
 // goes on only if the result would not be accepted. Of results that stay larger, the best one is returned.
-Refined refined_by(const Plan& plan, const Ensemble& data, const Model& begun, const Computed& like, double expected,
-                   const Execution& execution) {
+Refined refined_by(const Plan& plan, const Ensemble& data, const Model& begun, const Ahead& ahead,
+                   const Predicted& like, double expected, const Execution& execution) {
   RefineOptions options = refine_options(plan, execution);
   const auto after = [&](const Model& model, Index from, Index to) {
     Refined result{refined(model, data, from, to, options), {}, to};
-    result.errors = errors_of(computed_by(result.model, data, plan.initial_state, 0), data, plan.output_weights, &like);
+    result.errors = error_of(predicted_by(result.model, data, plan.initial_state, ahead), data, ahead, plan, &like);
     return result;
   };
   const Index planned = plan.choices.refinement_iterations;
   Refined now = after(begun, 0, planned), best = now;
   if (plan.choices.variation.period > 0) return best;
   const double limit = expected + std::log(stopped_early(planned, options) ? tolerated : as_expected);
-  while (now.errors.one_step > limit && now.iterations < most_iterations) {
+  while (now.errors.of_horizon(0) > limit && now.iterations < most_iterations) {
     now = after(now.model, now.iterations, next_stage_end(now.iterations));
-    if (now.errors.one_step < best.errors.one_step && now.errors.mean() < best.errors.mean()) best = now;
+    if (now.errors.of_horizon(0) < best.errors.of_horizon(0) && now.errors.value < best.errors.value) best = now;
   }
-  return now.errors.one_step > limit ? best : now;
+  return now.errors.of_horizon(0) > limit ? best : now;
 }
 
 // EM on all experiments may converge to another model than EM on the folds. If so, its one-step error on the training
@@ -159,13 +174,13 @@ Refined refined_by(const Plan& plan, const Ensemble& data, const Model& begun, c
 // EM. EM minimises one-step errors only. If steps share a model, its errors over many steps must therefore not increase
 // either.
 void refine_if_better(const Ensemble& data, const GtvArx& arx, const RefinementChoice& choice,
-                      const Execution& execution, Realised& result) {
+                      const IdentifyOptions& options, const Execution& execution, Realised& result) {
   const Plan plain = result.plan;
   const Index period = plain.choices.variation.period;
   const double allowed = std::log(tolerated);
-  const Computed start =
-      computed_by(result.model, data, plain.initial_state, first_scored(plain.initial_state, plain.lags, period));
-  const Errors before = errors_of(start, data, plain.output_weights);
+  const Ahead ahead = ahead_of(plain, data.steps(), options);
+  const Predicted start = predicted_by(result.model, data, plain.initial_state, ahead);
+  const HeldOutError before = error_of(start, data, ahead, plain);
   result.refinement = choice;
 
   // EM starts from the subspace model, as in cross-validation. If this result is not accepted, EM starts from the
@@ -173,7 +188,7 @@ void refine_if_better(const Ensemble& data, const GtvArx& arx, const RefinementC
   std::vector<double> starts{plain.choices.state_smoothing};
   if (plain.choices.state_smoothing != choice.smoothing) starts.push_back(choice.smoothing);
   bool one_step = true;
-  Errors best = before;
+  HeldOutError best = before;
   std::optional<std::pair<Model, Plan>> fallback;
   for (const double smoothing : starts) {
     Plan plan = plain;
@@ -184,24 +199,25 @@ void refine_if_better(const Ensemble& data, const GtvArx& arx, const RefinementC
     Refined found;
     try {
       const Model begun = realise(data, arx, {}, plan, {execution.threads, {}});
-      found = refined_by(plan, data, begun, start, choice.one_step, execution);
+      found = refined_by(plan, data, begun, ahead, start, choice.one_step, execution);
     } catch (const std::runtime_error&) {
       continue;  // EM failed from this start
     }
-    const Errors& after = found.errors;
+    const HeldOutError& after = found.errors;
     plan.choices.refinement_iterations = found.iterations;
-    const bool longer = after.ahead <= before.ahead + allowed && after.simulation <= before.simulation + allowed;
-    one_step = after.one_step <= choice.one_step + allowed;
+    const Index beyond = after.of_horizon.size() - 1;
+    const bool longer = ((after.of_horizon - before.of_horizon).tail(beyond).array() <= allowed).all();
+    one_step = after.of_horizon(0) <= choice.one_step + allowed;
     if (!longer && period > 0) continue;
     // A part of the samples may determine a model worse than all of them.
-    if (refined_steps(data, period) < data.steps() && !(after.mean() < before.mean())) continue;
+    if (refined_steps(data, period) < data.steps() && !(after.value < before.value)) continue;
     if (one_step) {
       result.refinement.iterations = found.iterations;
       result.model = std::move(found.model);
       result.plan = std::move(plan);
       return;
     }
-    if (after.one_step < best.one_step && after.mean() < best.mean() - allowed) {
+    if (after.of_horizon(0) < best.of_horizon(0) && after.value < best.value - allowed) {
       best = after;
       fallback.emplace(std::move(found.model), std::move(plan));
     }
@@ -276,6 +292,7 @@ BegunByFolds begun_by_folds(const Ensemble& data, const Selection& selected, con
                         .weightings = weightings(selection, decided, options),
                         .centred = is_centred(decided),
                         .output_weights = decided.output_weights,
+                        .horizons = options.horizons,
                         .execution = in_stage(options.execution, WorkStage::folds)}),
       decided,
       {},
@@ -321,17 +338,17 @@ void realise_by_folds(const Ensemble& data, const Selection& selected, const Gtv
       for (const Jump& jump : choice.jumps) plan.choices.variation.jumps.push_back(selected.begin + jump.step);
     }
     work.begin("all experiments");
-    refine_if_better(data, arx, choice, {options.execution.threads, work.counted(fold_iterations)}, result);
+    refine_if_better(data, arx, choice, options, {options.execution.threads, work.counted(fold_iterations)}, result);
   } else {
     plan.choices.refinement_smoothing = choice.smoothing;
     result.refinement = std::move(choice);
   }
   if (const double ratio = result.refinement.ahead.ratio; ratio > surely_ahead)
     result.findings.push_back({.kind = Finding::Kind::uncertain_ahead,
-                               .numbers = {{"ratio", ratio}, {"horizon", double(OrderScores::horizon)}}});
+                               .numbers = {{"ratio", ratio}, {"horizon", double(AheadCertainty::horizon)}}});
   if (const double share = result.refinement.ahead.model_share; share > much_of_model)
     result.findings.push_back({.kind = Finding::Kind::model_errs_ahead,
-                               .numbers = {{"share", share}, {"horizon", double(OrderScores::horizon)}}});
+                               .numbers = {{"share", share}, {"horizon", double(AheadCertainty::horizon)}}});
 }
 
 // Regressions use only windows without a gap, and EM uses every sample.
@@ -420,7 +437,7 @@ void realise_by_folds(const Ensemble& data, const Selection& selected, Regressed
                             chosen_by_folds(std::move(begun), {}, data, selected, nullptr, options, before_em, work),
                             options, work, result);
   const RegressionErrors errors(*selected.samples, rivals->options,
-                                Folds::refined_folds(selected.samples->experiments()));
+                                Folds::refined_folds(selected.samples->experiments()), options.horizons);
   const Ahead& ahead = errors.ahead();
   const std::vector<Squares> of_begun = begun.squares(ahead);
   const RegressionErrors::Found leader = best_regression(*rivals, errors, of_begun);
@@ -492,7 +509,7 @@ Realised realised(Ensemble&& data, const Selection& selection, Regressed& regres
   const Execution execution = in_stage(options.execution, WorkStage::realisation);
   if (result.plan.method == Method::tvera) {
     if (plan.noisy && !options.states) {
-      realise_in_scored_order(data, std::move(arx), execution, result);
+      realise_in_scored_order(data, std::move(arx), options, result);
     } else {
       data = data.subset({});
       result.model = realise(data, std::move(arx), data.free, result.plan, execution);

@@ -98,11 +98,11 @@ namespace {
 
 // The least variance of each output's noise that counts in a likelihood, from one-step predictions. Otherwise an output
 // that is exact, or exact up to a few digits, would decide alone.
-Vector least_variance(const Computed& start, const Ensemble& data) {
+Vector least_variance(const Matrix& predicted, const Ensemble& data) {
   Vector error = Vector::Zero(data.outputs()), size = error;
   for (Index k = 0; k < data.steps(); ++k)
     for (Index j = 0; j < data.outputs(); ++j) {
-      const Eigen::ArrayXd y = data.output(k).col(j), e = y - start.one_step.output(k).col(j).array();
+      const Eigen::ArrayXd y = data.output(k).col(j), e = y - predicted.col(k * data.outputs() + j).array();
       error(j) += e.isFinite().select(e.square(), 0.0).sum();
       size(j) += e.isFinite().select(y.square(), 0.0).sum() / double(data.steps() * data.experiments());
     }
@@ -141,10 +141,11 @@ class Folds::RefinementSearch {
       without_em_[f] = with_first_steps(starts_[f], data.training, folds_.options_.initial_state, 1);
       // EM can predict samples after missing samples that subspace models cannot predict. These samples are not
       // compared.
-      like_[f] = computed_by(without_em_[f], data.held_out, folds_.options_.initial_state, 0);
-      least_variance_[f] = least_variance(like_[f], data.held_out);
+      like_[f] =
+          predicted_by(without_em_[f], data.held_out, folds_.options_.initial_state, {0, folds_.ahead_.horizons});
+      least_variance_[f] = least_variance(like_[f].front(), data.held_out);
     });
-    choice_.error = errors(without_em_, 0).mean();
+    choice_.error = errors(without_em_, 0).value;
     trials_.push_back({.states = states, .error = choice_.error});
   }
 
@@ -208,12 +209,12 @@ class Folds::RefinementSearch {
     if (attempts_.empty()) return std::nullopt;
     choice_.ahead_without_em = certainty(plain.without_em_);
     for (const Attempt* attempt : {chosen(), least_error()}) {
-      const Errors after = errors(attempt->models, folds_.first_);
+      const HeldOutError after = errors(attempt->models, folds_.ahead_.from);
       if (!improves(*attempt, after, *this) || (&plain != this && !improves(*attempt, after, plain))) continue;
       choice_.smoothing = attempt->smoothing;
       choice_.iterations = attempt->iterations;
       for (const Index step : jumps_) choice_.jumps.push_back({step});
-      choice_.one_step = after.one_step;
+      choice_.one_step = after.of_horizon(0);
       choice_.error = attempt->error();
       choice_.ahead = certainty(attempt->models);
       return RefinementOfFolds{choice_, attempt->models};
@@ -227,21 +228,21 @@ class Folds::RefinementSearch {
     double smoothing = 0.0;
     Index iterations = 0;
     bool converged = false;  // on all folds
-    Errors errors;
+    HeldOutError errors;
     Likelihood likelihood;
     std::vector<Model> models;
 
-    double error() const { return errors.mean(); }
+    double error() const { return errors.value; }
   };
 
   // Does EM predict clearly better than these subspace models, and not clearly worse by one step? EM that has spoiled
   // its start needs more iterations. From unknown initial states it may also be better in the first steps alone.
   // `after`: the errors after them.
-  bool improves(const Attempt& attempt, const Errors& after, const RefinementSearch& on) const {
-    const Errors before = on.errors(on.without_em_, folds_.first_);
-    const double gain = before.mean() - after.mean(), from_start = on.choice_.error - attempt.error();
-    return after.one_step <= before.one_step + std::log(most_uncertain) && gain >= -std::log(most_uncertain) &&
-           std::max(gain, from_start) >= std::log(worth_it);
+  bool improves(const Attempt& attempt, const HeldOutError& after, const RefinementSearch& on) const {
+    const HeldOutError before = on.errors(on.without_em_, folds_.ahead_.from);
+    const double gain = before.value - after.value, from_start = on.choice_.error - attempt.error();
+    return after.of_horizon(0) <= before.of_horizon(0) + std::log(most_uncertain) &&
+           gain >= -std::log(most_uncertain) && std::max(gain, from_start) >= std::log(worth_it);
   }
 
   // Is the attempt clearly worse than the one with the same λ and as many iterations?
@@ -463,13 +464,14 @@ class Folds::RefinementSearch {
     for_each_fold([&](size_t f) {
       const Ensemble& held_out = folds_.folds_[f].data.held_out;
       const auto predicted_by = [&](const Model& model) {
-        return ahead_by(model, held_out, folds_.options_.initial_state);
+        const Index h = std::min(AheadCertainty::horizon, std::max<Index>(1, held_out.steps() - 1));
+        return predict(of_departures(model, held_out), held_out, {h, folds_.options_.initial_state}).y;
       };
       std::vector<Ensemble> by_others;
       for (size_t g = 0; g < count_; ++g)
         if (g != f) by_others.push_back(predicted_by(models[g]));
       errors[f] = ahead_errors(models[f], predicted_by(models[f]), by_others, Index(folds_.folds_.size()), held_out,
-                               OrderScores::horizon);
+                               AheadCertainty::horizon);
     });
     AheadErrors sum;
     for (const AheadErrors& fold : errors) sum += fold;
@@ -489,11 +491,10 @@ class Folds::RefinementSearch {
   }
 
   // From step `first` on. Before, the observers have not settled.
-  Errors errors(const std::vector<Model>& models, Index first) const {
-    const auto found = folds_.errors_of_folds(
-        count_, choice_.states, [&](size_t f) { return models[f]; }, first, folds_.options_.execution, like_);
-    constexpr double none = std::numeric_limits<double>::infinity();
-    return found ? mean_of(*found) : Errors{none, none, none};
+  HeldOutError errors(const std::vector<Model>& models, Index first) const {
+    return folds_.error_of(
+        count_, choice_.states, [&](size_t f) { return models[f]; }, {first, folds_.ahead_.horizons},
+        folds_.options_.execution, like_);
   }
 
   const Folds& folds_;
@@ -504,7 +505,7 @@ class Folds::RefinementSearch {
   std::vector<Model> starts_;                     // subspace models
   std::vector<Model> without_em_;                 // the same, which predict from step 0 on
   std::vector<std::optional<em::Data>> samples_;  // of the training data of each fold
-  std::vector<Computed> like_;
+  std::vector<Predicted> like_;
   std::vector<Vector> least_variance_;  // as in least_variance, of each fold
   std::vector<Attempt> attempts_;
   std::vector<double> tried_;  // λ of all attempts, also of those that failed

@@ -44,7 +44,7 @@ RegressionErrors::RegressionErrors(const Ensemble& e, const SmoothingOptions& o,
     : options_(o),
       ahead_{o.initial_state == InitialState::zero ? 0 : o.lags.back(), std::move(horizons)},
       weights_(weights_of(o.output_weights, e.outputs())) {
-  std::erase_if(ahead_.horizons, [&](Index h) { return h > 1 && 2 * h > e.steps() - ahead_.from; });
+  ahead_.horizons = horizons_within(std::move(ahead_.horizons), e.steps() - ahead_.from);
   if (folds == 0) folds = fold_count(e.experiments());
   for (Index f = 0; f < std::min(held_out, folds); ++f) parts_.push_back(fold(e, f, folds, o.centred));
 }

@@ -14,7 +14,7 @@ class RegressionErrors {
   // Of the folds of the ensemble, `held_out` are held out. `horizons`: as in Ahead; those beyond half of the steps are
   // left out. `folds`: their number; 0: fold_count(). The options stay with the caller.
   RegressionErrors(const Ensemble& ensemble, const SmoothingOptions& options, Index held_out,
-                   std::vector<Index> horizons = {1, 5, 20}, Index folds = 0);
+                   std::vector<Index> horizons, Index folds = 0);
 
   // Of the predictions of the experiments that the folds begin … end-1 hold out. `smoothing`: infinite for one model
   // for all steps

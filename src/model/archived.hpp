@@ -41,9 +41,7 @@ void fields(Archive& archive, S& step) {
 
 template <class Archive, class V>
 requires std::is_same_v<std::remove_const_t<V>, TimeVariation>
-void fields(Archive& archive, V& v) {
-  archive(v.smoothing, v.period, v.jumps);
-}
+void fields(Archive& archive, V& v) { archive(v.smoothing, v.period, v.jumps); }
 
 template <class Archive, class C>
 requires std::is_same_v<std::remove_const_t<C>, NoisyChoices>
@@ -62,10 +60,10 @@ template <class Archive, class O>
 requires std::is_same_v<std::remove_const_t<O>, IdentifyOptions>
 void fields(Archive& archive, O& o) {
   // A field more does not compile here until it is archived.
-  auto& [states, lags, method, smoothing, feedthrough, period, jumps, delays, weighting, output_weights, refine,
-         initial_state, nominal, frame, reference_step, hold_out, outliers, rows, cols, choices, execution] = o;
-  archive(states, lags, method, smoothing, feedthrough, period, jumps, delays, weighting, output_weights, refine,
-          initial_state, nominal, frame, reference_step, hold_out, outliers, rows, cols);
+  auto& [states, lags, method, smoothing, feedthrough, period, jumps, delays, weighting, output_weights, horizons,
+         refine, initial_state, nominal, frame, reference_step, hold_out, outliers, rows, cols, choices, execution] = o;
+  archive(states, lags, method, smoothing, feedthrough, period, jumps, delays, weighting, output_weights, horizons,
+          refine, initial_state, nominal, frame, reference_step, hold_out, outliers, rows, cols);
   static_cast<void>(choices), static_cast<void>(execution);  // not part of a provenance
 }
 

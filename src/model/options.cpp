@@ -71,57 +71,56 @@ Values<double> penalties() {
           .read = [](const Json& json) { return penalty(json == "inf" ? Json("infinity") : json); }};
 }
 
-std::optional<Index> jump_of(const Json& json) {
-  if (!json.is_number_integer() || json < 1 || json > last_step) return std::nullopt;
-  return json.get<Index>();
-}
-
 // A list, a single value, or a text of values with commas. Not a list if the text has other values than JSON.
 Json list_of(const Json& json) {
-  if (json.is_string()) return Json::parse("[" + json.get<std::string>() + "]", nullptr, false);
+  if (json.is_string()) return Json::parse(fmt::format("[{}]", json.get<std::string>()), nullptr, false);
   return json.is_array() ? json : Json::array({json});
 }
 
-// Ascending steps.
-std::optional<std::vector<Index>> jumps_of(const Json& json) {
-  if (json == "none") return std::vector<Index>{};
+// Whole numbers from `least` to `last_step`.
+std::optional<std::vector<Index>> numbers_of(const Json& json, Index least, bool ascending) {
   const Json list = list_of(json);
   if (!list.is_array() || list.empty()) return std::nullopt;
-  std::vector<Index> steps;
+  std::vector<Index> numbers;
   for (const Json& entry : list) {
-    const std::optional<Index> step = jump_of(entry);
-    if (!step || (!steps.empty() && *step <= steps.back())) return std::nullopt;
-    steps.push_back(*step);
+    if (!entry.is_number_integer() || entry < least || entry > last_step) return std::nullopt;
+    if (ascending && !numbers.empty() && entry <= numbers.back()) return std::nullopt;
+    numbers.push_back(entry.get<Index>());
   }
-  return steps;
+  return numbers;
+}
+
+// The same, or none.
+Values<std::vector<Index>> numbers_or_none(const char* placeholder, const std::string& range, Index least,
+                                           bool ascending) {
+  return {.placeholder = placeholder,
+          .range = range,
+          .words = {"none"},
+          .write = [](const std::vector<Index>& all) { return all.empty() ? Json("none") : Json(all); },
+          .read = [=](const Json& json) -> std::optional<std::vector<Index>> {
+            if (json == "none") return std::vector<Index>{};
+            return numbers_of(json, least, ascending);
+          }};
 }
 
 Values<std::vector<Index>> ascending_steps() {
-  return {.placeholder = "K[,K...]|none",
-          .range = fmt::format("ascending steps from 1 to {}", last_step),
-          .words = {"none"},
-          .write = [](const std::vector<Index>& steps) { return steps.empty() ? Json("none") : Json(steps); },
-          .read = jumps_of};
-}
-
-std::optional<std::vector<Index>> delays_of(const Json& json) {
-  if (json == "none") return std::vector<Index>{};
-  const Json list = list_of(json);
-  if (!list.is_array() || list.empty()) return std::nullopt;
-  std::vector<Index> delays;
-  for (const Json& entry : list) {
-    if (!entry.is_number_integer() || entry < 0 || entry > last_step) return std::nullopt;
-    delays.push_back(entry.get<Index>());
-  }
-  return delays;
+  return numbers_or_none("K[,K...]|none", fmt::format("ascending steps from 1 to {}", last_step), 1, true);
 }
 
 Values<std::vector<Index>> delays_of_inputs() {
-  return {.placeholder = "D[,D...]|none",
-          .range = fmt::format("a number of steps from 0 to {} for each input", last_step),
-          .words = {"none"},
-          .write = [](const std::vector<Index>& delays) { return delays.empty() ? Json("none") : Json(delays); },
-          .read = delays_of};
+  return numbers_or_none("D[,D...]|none", fmt::format("a number of steps from 0 to {} for each input", last_step), 0,
+                         false);
+}
+
+Values<std::vector<Index>> horizons_from_one() {
+  return {.placeholder = "1[,H...]",
+          .range = "ascending numbers of steps from 1 on",
+          .write = [](const std::vector<Index>& horizons) { return Json(horizons); },
+          .read =
+              [](const Json& json) {
+                std::optional<std::vector<Index>> horizons = numbers_of(json, 1, true);
+                return horizons && horizons->front() == 1 ? horizons : std::nullopt;
+              }};
 }
 
 std::optional<std::vector<double>> output_weights_of(const Json& json) {
@@ -201,9 +200,9 @@ std::vector<Option> table() {
       option("states", &O::states, count,
              "State dimension n (auto: the rank of the Hankel matrices, or by cross-validation if the data are noisy)"),
       option("lags", &O::lags, count, "Lag order p (auto: the smallest leave-one-out error)"),
-      option("method", &O::method, or_auto(one_of<Method>({{"tvera", Method::tvera},
-                                                  {"subspace", Method::subspace},
-                                                  {"regression", Method::regression}})),
+      option("method", &O::method,
+             or_auto(one_of<Method>(
+                 {{"tvera", Method::tvera}, {"subspace", Method::subspace}, {"regression", Method::regression}})),
              "Method of the realisation (auto: tvera without noise from zero initial states, else subspace, or the "
              "regression itself with all its states if that predicts better)"),
       option("smoothing", &O::smoothing, or_auto(penalties()),
@@ -223,6 +222,8 @@ std::vector<Option> table() {
              "Outputs that the states explain best (auto: by cross-validation); projection: PO-MOESP"),
       option("output_weights", &O::output_weights, output_weights(),
              "Weights of the outputs in the choices and in the selection of the states (default equal)"),
+      option("horizons", &O::horizons, horizons_from_one(),
+             "Steps ahead of the predictions whose errors choose states, EM and regressions (default 1,5,20)"),
       option("refine", &O::refine, or_auto(yes_or_no()),
              "Refine by EM (maximum likelihood) if that lowers the cross-validation error (default for noisy data, "
              "except for one model of a long record)",

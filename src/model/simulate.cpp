@@ -182,6 +182,32 @@ void predict_each(const Model& model, const Ensemble& data, std::optional<Initia
       [&](Index k, const Matrix&, const Matrix& innovation) { use(k, innovation); });
 }
 
+void predict_ahead_each(const Model& model, const Ensemble& data, std::optional<InitialState> initial_state,
+                        const std::vector<Index>& horizons, const std::function<bool(Index)>& begins,
+                        const std::function<void(Index, Index, const Matrix&)>& use) {
+  if (ends_early(model, data.steps()))
+    return predict_ahead_each(continued(model, data.steps()), data, initial_state, horizons, begins, use);
+  check_channels(model, data, true);
+  Matrix u, y, x, next;
+  observe(
+      model, data, {1, initial_state},
+      [&](Index begin, auto&& state) {
+        if (horizons.size() < 2 || !begins(begin)) return;
+        x = state();
+        size_t i = 1;
+        for (Index k = begin; i < horizons.size(); ++k) {
+          input_departure(model, data, k, u);
+          if (k == begin + horizons[i] - 1) {
+            observer::output(model.at(k), x, u, y);
+            use(Index(i++), k, y);
+          }
+          observer::next_state(model.at(k), x, u, next);
+          x.swap(next);
+        }
+      },
+      [&](Index k, const Matrix& predicted, const Matrix&) { use(0, k, predicted); });
+}
+
 Prediction predict(const Model& model, const Ensemble& data, const PredictOptions& options) {
   if (ends_early(model, data.steps())) return predict(continued(model, data.steps()), data, options);
   check_channels(model, data, true);

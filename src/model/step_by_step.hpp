@@ -3,6 +3,7 @@
 #pragma once
 
 #include <functional>
+#include <vector>
 
 #include "tokid/model.hpp"
 
@@ -21,5 +22,12 @@ void simulate_data_each(const Model& model, const Ensemble& data, std::optional<
 // prediction.
 void predict_each(const Model& model, const Ensemble& data, std::optional<InitialState> initial_state,
                   const std::function<void(Index, const Matrix&)>& use);
+
+// Predictions of all horizons in one pass of the observer. Calls use(i, k, ŷ_k) with the outputs (N × m) of step k as
+// departures, predicted horizons[i] steps ahead. The horizons ascend, and the first is 1. Longer predictions begin at
+// the steps s where begins(s). Rows are NaN where there is no prediction.
+void predict_ahead_each(const Model& model, const Ensemble& data, std::optional<InitialState> initial_state,
+                        const std::vector<Index>& horizons, const std::function<bool(Index)>& begins,
+                        const std::function<void(Index, Index, const Matrix&)>& use);
 
 }  // namespace tokid

@@ -64,26 +64,25 @@ std::string smoothing(const SmoothingChoice& choice) {
 // `refined`: EM was tried afterwards, and may have chosen another number.
 std::string orders(const OrderScores& scores, bool refined) {
   if (scores.states.empty()) return "";
-  Table table({{"States n"},
-               {"One step"},
-               {fmt::format("{} steps ahead", OrderScores::horizon)},
-               {"Simulation"},
-               {"Together"},
-               {"Above the smallest"},
-               {"Choice", Table::Align::text}},
-              "Candidates of the number of states", false);
+  std::vector<Table::Column> columns{{"States n"}};
+  for (const Index h : scores.horizons) columns.push_back({words::plural(h, "step")});
+  for (const char* title : {"Together", "Above the smallest"}) columns.push_back({title});
+  columns.push_back({"Choice", Table::Align::text});
+  Table table(columns, "Candidates of the number of states", false);
   for (size_t i = 0; i < scores.states.size(); ++i) {
     const bool chosen = scores.states[i] == scores.best;
-    table.row({fmt::format("{}", scores.states[i]), relative(scores.one_step[i]), relative(scores.ahead[i]),
-               relative(scores.simulation[i]), relative(scores.mean(i)),
-               figure(100 * std::expm1(scores.mean(i) - scores.smallest), 2) + " %", choice_text(chosen)},
-              choice_class(chosen));
+    std::vector<std::string> row{fmt::format("{}", scores.states[i])};
+    for (const double error : scores.errors.row(Index(i))) row.push_back(relative(error));
+    row.push_back(relative(scores.mean(i)));
+    row.push_back(figure(100 * std::expm1(scores.mean(i) - scores.smallest), 2) + " %");
+    row.push_back(choice_text(chosen));
+    table.row(row, choice_class(chosen));
   }
   return folded(
       fmt::format("Number of states: {} candidates, n = {} chosen{}", scores.states.size(), scores.best,
                   refined ? " before the refinement" : ""),
       fmt::format(
-          "{}, relative to the outputs. “Together” is their mean, with weight 3 for one step{}. The "
+          "{}, relative to the outputs. “Together” is their mean{}. The "
           "smallest number of states that is at most a margin of 0.5 to 2 % above the smallest mean is chosen.",
           scores.cross_validated ? "Errors in cross-validation over the experiments" : "Errors on the training data",
           scores.cross_validated ? "" : " and a price for each state"),
@@ -96,13 +95,9 @@ std::string refinements(const RefinementChoice& choice) {
     if (t.states != choice.states || t.iterations != choice.iterations) return false;
     return t.iterations == 0 || t.smoothing == choice.smoothing;
   };
-  Table table({{"States n"},
-               {"λ of EM"},
-               {"Iterations"},
-               {"Error"},
-               {"Log-likelihood"},
-               {"Choice", Table::Align::text}},
-              "Candidates of the refinement by EM", false);
+  Table table(
+      {{"States n"}, {"λ of EM"}, {"Iterations"}, {"Error"}, {"Log-likelihood"}, {"Choice", Table::Align::text}},
+      "Candidates of the refinement by EM", false);
   for (const RefinementTrial& t : choice.trials) {
     const bool chosen = is_chosen(t);
     table.row({fmt::format("{}", t.states), t.iterations == 0 ? "without EM" : strength(t.smoothing),

@@ -52,6 +52,7 @@ const std::map<std::string, Words> meaningful = {
     {"identify --period", whole},
     {"--threads", whole},
     {"identify --reference-step", with(whole, {"auto"})},
+    {"1[,H...]", {"1"}},
     {"A,...", positive},
     {"B", {"5"}},
     {"FRACTION", {"0", "0.5"}},

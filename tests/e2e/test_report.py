@@ -408,7 +408,7 @@ def test_page_of_an_identification_has_its_candidates(tokid, tmp_path):
     states = table_of(page, "Candidates of the number of states")
     assert [int(row[0]) for row in states] == sorted({int(row[0]) for row in states}) and len(states) > 2
     best = next(row for row in states if row[-1] == "chosen")
-    above = [float(row[5].removesuffix(" %")) for row in states]
+    above = [float(row[-2].removesuffix(" %")) for row in states]
     assert min(above) >= 0 and above[states.index(best)] <= 2 and max(above) > above[states.index(best)]
     refined = table_of(page, "Candidates of the refinement by EM")
     assert sum(row[-1] == "chosen" for row in refined) <= 1 and len(refined) > 1

@@ -108,7 +108,7 @@ throws('tokid:option', 'option ''lags'': ''2.5'' found', @() tokid.identify(data
 throws('tokid:option', 'identify: option ''lag'' found, one of block, cols, delays, dt,', @() tokid.identify(data, 'lag', 2));
 throws('tokid:option', 'option ''lags'' has no value', @() tokid.identify(data, 'lags'));
 throws('tokid:option', 'option ''dt'' has no value', @() tokid.identify(data.u, data.y, 'dt'));
-throws('tokid:option', 'hold_out, initial_state, input_names,', @() tokid.identify(data, 'lag', 2)); % once each
+throws('tokid:option', 'hold_out, horizons, initial_state, input_names,', @() tokid.identify(data, 'lag', 2)); % once each
 throws('tokid:option', 'option ''refine'': true or false needed', @() tokid.identify(data, 'refine', 'perhaps'));
 throws('tokid:option', 'a value of class double and size [1 2] found', @() tokid.identify(data, 'lags', [1 2]));
 throws('tokid:option', 'option ''dt'' found', @() tokid.identify('absent.npz', 'dt', 2));

@@ -1,0 +1,58 @@
+// Models of the folds without EM → the number of states, the jumps, λ and the iterations of EM, by cross-validation.
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <vector>
+
+#include "base/search_progress.hpp"
+#include "choose/held_out_error.hpp"
+#include "data/rows.hpp"
+#include "tokid/choices.hpp"
+#include "tokid/em.hpp"
+
+namespace tokid {
+
+// After so many iterations, no further stage of EM begins.
+inline constexpr Index most_iterations = 480;
+// Goes on with EM from the end of one stage to that of another, in the same stages as cross-validation has. `from`,
+// `to`: iterations.
+Model refined(Model model, const Ensemble& data, Index from, Index to, const RefineOptions& options);
+// The number of steps that EM uses: all, unless the steps share their matrices and a part has enough samples for these.
+Index refined_steps(const Ensemble& data, Index period);
+// The iterations at the end of the next stage.
+Index next_stage_end(Index iterations);
+// Was EM best after so few iterations that more are not tried?
+bool stopped_early(Index iterations, const RefineOptions& options);
+
+// The models of one fold, of departures.
+struct FoldStart {
+  const Split* data = nullptr;
+  Model start;       // EM begins with it
+  Model without_em;  // the same, which predicts from step 0 on
+};
+// Those of all folds with so many states.
+using FoldStarts = std::function<std::vector<FoldStart>(Index states)>;
+
+struct RefinementSettings {
+  RefineOptions em;                   // period, initial state, feedthrough and jumps, as in Plan
+  double smoothing = 1.0;             // a search for λ begins near this one
+  std::optional<double> stated = {};  // λ, if it is stated
+  Vector output_weights;              // (m)
+  Ahead ahead;                        // `from`: where the observers have settled
+  Index folds = 1;                    // of all experiments; those with models may be fewer
+  int threads = 1;
+};
+
+struct RefinementOfFolds {
+  RefinementChoice choice;
+  std::vector<Model> models;  // of the folds, by EM if it is used
+};
+
+// `or_fewer`: fewer states are used if the likelihood is hardly lower and the errors are at most `most_uncertain`
+// larger. One number that fails is passed over. `work` counts iterations of one fold.
+RefinementOfFolds choose_refinement(Index states, bool or_fewer, const FoldStarts& starts,
+                                    const RefinementSettings& settings, SearchProgress& work);
+
+}  // namespace tokid
