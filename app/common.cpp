@@ -168,6 +168,12 @@ double median(std::vector<double> values) {
 // Text
 
 std::string number(double value) { return words::figure(value, 3); }
+
+std::string share(double value) {
+  if (std::isnan(value)) return "-";
+  if (std::isinf(value)) return "infinite";
+  return value < 10 ? number(100 * value) + " %" : number(value) + " times";
+}
 std::string percent(double fit) { return words::percent(fit, 1); }
 std::string penalty(double smoothing) { return std::isinf(smoothing) ? "infinity" : number(smoothing); }
 

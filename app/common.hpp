@@ -90,6 +90,7 @@ double median(std::vector<double> values);  // NaN for an empty list
 // Text
 
 std::string number(double value);       // three significant digits, a dash for NaN
+std::string share(double value);        // in percent, or as a factor from 10 on; a dash for NaN
 std::string percent(double fit);        // as words::percent()
 std::string penalty(double smoothing);  // lambda, or "infinity"
 std::string plural(Index count, const char* noun);

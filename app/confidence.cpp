@@ -10,7 +10,7 @@ namespace tokid::app {
 
 namespace {
 
-struct Call {
+struct ConfidenceCall {
   std::vector<fs::path> paths;
   fs::path model, data, output;  // `data`: how reports name the paths
   ReadOptions read;
@@ -95,12 +95,6 @@ Eigenvalues eigenvalues(const SpectrumBounds& spectrum) {
   return result;
 }
 
-std::string share(double value) {
-  if (std::isnan(value)) return "-";
-  if (std::isinf(value)) return "infinite";
-  return value < 10 ? number(100 * value) + " %" : number(value) + " times";
-}
-
 std::string share_at_worst(const Widths& widths, Index j) {
   const std::vector<Index> steps = widths.worst(j, 1);
   return steps.empty() ? "-" : fmt::format("{} at {}", share(widths.share[size_t(j)][size_t(steps[0])]), steps[0]);
@@ -120,7 +114,7 @@ void add_pulse_errors(const Model& model, const Confidence& c, Page& page) {
   page.table(rows);
 }
 
-std::string report(const Call& call, const Model& model, const Ensemble& data, const Confidence& c) {
+std::string report(const ConfidenceCall& call, const Model& model, const Ensemble& data, const Confidence& c) {
   Page page;
   page.row("Model", call.model.string());
   page.row("", describe(model));
@@ -155,7 +149,7 @@ std::string report(const Call& call, const Model& model, const Ensemble& data, c
   return page.text();
 }
 
-Json json(const Call& call, const Model& model, const Confidence& c) {
+Json json(const ConfidenceCall& call, const Model& model, const Confidence& c) {
   const auto summary = [&](const Widths& widths) {
     Json list = Json::array();
     for (Index j = 0; j < Index(widths.share.size()); ++j)
@@ -193,7 +187,7 @@ Json json(const Call& call, const Model& model, const Confidence& c) {
   return j;
 }
 
-void run(const Call& call) {
+void run_confidence(const ConfidenceCall& call) {
   std::vector<fs::path> kept = call.paths;
   kept.push_back(call.model);
   check_output(call.output, Content::bounds, kept);
@@ -220,7 +214,7 @@ void run(const Call& call) {
 }  // namespace
 
 void add_confidence(CLI::App& tool) {
-  const auto call = std::make_shared<Call>();
+  const auto call = std::make_shared<ConfidenceCall>();
   ConfidenceOptions& o = call->options;
   Command command(tool, "confidence", "Compute confidence bounds of a model, its outputs and eigenvalues",
                   "tokid confidence model.npz data.npz -o bounds.npz --level 0.99");
@@ -242,7 +236,7 @@ void add_confidence(CLI::App& tool) {
   command.number<std::uint64_t>("--seed", o.seed, "S", "Seed of the bootstrap (default 1)", 1);
   command.threads(o.execution.threads);
   command.flag("--json", call->json, "Print one JSON object");
-  command.runs([call] { run(*call); });
+  command.runs([call] { run_confidence(*call); });
 }
 
 }  // namespace tokid::app

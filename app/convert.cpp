@@ -9,7 +9,7 @@ namespace tokid::app {
 
 namespace {
 
-struct Call {
+struct ConvertCall {
   std::vector<fs::path> paths;
   fs::path input, output;  // `input`: how the report names the paths
   ReadOptions read{{}, {}, false};
@@ -17,7 +17,7 @@ struct Call {
 };
 
 // The last path is the file to write.
-Call with_output(Call call) {
+ConvertCall with_output(ConvertCall call) {
   if (call.paths.size() < 2) throw std::invalid_argument("OUT is required; see 'tokid convert --help'");
   call.output = call.paths.back();
   call.paths.pop_back();
@@ -26,7 +26,7 @@ Call with_output(Call call) {
 }
 
 // A shell that expands a pattern makes its last file OUT if the user forgot OUT. That file must stay.
-void check_no_recording(const Call& call) {
+void check_no_recording(const ConvertCall& call) {
   const auto is_csv = [](const fs::path& path) { return extension_of(path) == ".csv"; };
   std::error_code error;
   if (!is_csv(call.output) || !fs::exists(call.output, error)) return;
@@ -37,7 +37,7 @@ void check_no_recording(const Call& call) {
       call.output.string()));
 }
 
-void run(const Call& call) {
+void run_convert(const ConvertCall& call) {
   const std::optional<FileKind> kind = call.paths.size() == 1 ? std::optional(file_kind(call.input)) : std::nullopt;
   if (kind == FileKind::controller)
     throw std::invalid_argument(
@@ -67,7 +67,7 @@ void run(const Call& call) {
 }  // namespace
 
 void add_convert(CLI::App& tool) {
-  const auto call = std::make_shared<Call>();
+  const auto call = std::make_shared<ConvertCall>();
   Command command(tool, "convert", "Convert an ensemble or a model to another format",
                   "tokid convert data.csv data.mat --mat73");
   command.argument("IN...OUT", call->paths,  // CLI11 from 2.4 on, of Debian 13, refuses a name with spaces
@@ -75,7 +75,7 @@ void add_convert(CLI::App& tool) {
                    "extension determines the format");
   command.columns(call->read);
   command.flag("--mat73", call->write.mat73, "Write a .mat of MATLAB version 7.3");
-  command.runs([call] { run(with_output(*call)); });
+  command.runs([call] { run_convert(with_output(*call)); });
 }
 
 }  // namespace tokid::app

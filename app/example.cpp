@@ -7,7 +7,7 @@ namespace tokid::app {
 
 namespace {
 
-struct Call {
+struct ExampleCall {
   std::string name;
   fs::path output;
   fs::path inputs;
@@ -15,7 +15,7 @@ struct Call {
   ExperimentOptions options;
 };
 
-void run(const Call& call) {
+void run_example(const ExampleCall& call) {
   check_output(call.output, Content::ensemble);
   std::optional<Ensemble> planned;
   if (!call.inputs.empty()) planned = load_ensemble(call.inputs, {.outputs_required = false});
@@ -37,7 +37,7 @@ void run(const Call& call) {
 }  // namespace
 
 void add_example(CLI::App& tool) {
-  const auto call = std::make_shared<Call>();
+  const auto call = std::make_shared<ExampleCall>();
   ExperimentOptions& o = call->options;
   Command command(tool, "example", "Simulate experiments on a system whose model is known",
                   "tokid example oscillator -o data.npz --experiments 200 --measurement-noise 0.1");
@@ -60,7 +60,7 @@ void add_example(CLI::App& tool) {
                  "States at step 0 (default zero; unknown: random)");
   command.excludes("--inputs", "--experiments");
   command.excludes("--inputs", "--steps");
-  command.runs([call] { run(*call); });
+  command.runs([call] { run_example(*call); });
 }
 
 }  // namespace tokid::app

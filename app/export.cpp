@@ -9,13 +9,13 @@ namespace tokid::app {
 
 namespace {
 
-struct Call {
+struct ExportCall {
   fs::path model, output, controller;
   DeployOptions options;
   bool json = false;
 };
 
-std::string report(const Call& call, const Model& model, const DeployedCode& code) {
+std::string report(const ExportCall& call, const Model& model, const DeployedCode& code) {
   Page page;
   page.row("Model", describe(model));
   page.row("Precision", call.options.single_precision ? "float" : "double");
@@ -31,11 +31,11 @@ std::string report(const Call& call, const Model& model, const DeployedCode& cod
   return page.text();
 }
 
-Json json_of(const Operations& count) {
+Json counts(const Operations& count) {
   return {{"multiplications", count.multiplications}, {"additions", count.additions}, {"divisions", count.divisions}};
 }
 
-Json json(const Call& call, const DeployedCode& code) {
+Json json(const ExportCall& call, const DeployedCode& code) {
   Json j;
   j["model"] = call.model.string();
   j["controller"] = call.controller.empty() ? Json() : Json(call.controller.string());
@@ -46,14 +46,14 @@ Json json(const Call& call, const DeployedCode& code) {
   j["table_bytes"] = code.table_bytes;
   j["state_bytes"] = code.state_bytes;
   j["stored_steps"] = code.stored_steps;
-  j["operations"] = json_of(code.step);
-  j["operations_missing"] = json_of(code.step_missing);
-  j["operations_control"] = call.controller.empty() ? Json() : json_of(code.control);
+  j["operations"] = counts(code.step);
+  j["operations_missing"] = counts(code.step_missing);
+  j["operations_control"] = call.controller.empty() ? Json() : counts(code.control);
   j["version"] = version;
   return j;
 }
 
-void run(const Call& call) {
+void run_export(const ExportCall& call) {
   for (const fs::path& file : {call.output, deployed_header(call.output)})
     check_output(file, Content::code, {call.model, call.controller});
   const Model model = load_model(call.model);
@@ -69,7 +69,7 @@ void run(const Call& call) {
 }  // namespace
 
 void add_export(CLI::App& tool) {
-  const auto call = std::make_shared<Call>();
+  const auto call = std::make_shared<ExportCall>();
   Command command(tool, "export", "The observer of a model, and a controller, as C99 source",
                   "tokid export model.npz --controller controller.h5 --float -o observer.c");
   command.argument("MODEL", call->model, "Model: .npz, .h5 or .mat");
@@ -80,7 +80,7 @@ void add_export(CLI::App& tool) {
   command.flag("--start-from-zero", call->options.start_from_zero,
                "Start from the zero state if the initial state is unknown");
   command.flag("--json", call->json, "Print one JSON object");
-  command.runs([call] { run(*call); });
+  command.runs([call] { run_export(*call); });
 }
 
 }  // namespace tokid::app

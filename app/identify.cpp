@@ -19,7 +19,7 @@ namespace {
 
 constexpr Index automatic = 0, all_at_once = -1;  // for `block`
 
-struct Call {
+struct IdentifyCall {
   std::vector<fs::path> paths;
   fs::path data, model, page;  // `data`: how reports name the paths
   ReadOptions read;
@@ -55,7 +55,7 @@ std::vector<double> relative(const Vector& mean_log_square) {
 }
 
 // With an error of 200 % or more, a model is useless, and the exact number does not matter.
-std::string share(double error) { return error < 1.999 ? number(100 * error) + " %" : "> 200 %"; }
+std::string relative_error(double error) { return error < 1.999 ? number(100 * error) + " %" : "> 200 %"; }
 
 // Candidates with the errors that decided between them.
 struct Trial {
@@ -93,7 +93,7 @@ void add_trial(const Trial& trial, Page& page) {
   for (const auto& [name, values] : trial.errors) rows.front().push_back(name);
   for (size_t i = 0; i < trial.candidates.size(); ++i) {
     rows.push_back({fmt::format("{}", trial.candidates[i])});
-    for (const auto& [name, values] : trial.errors) rows.back().push_back(share(values[i]));
+    for (const auto& [name, values] : trial.errors) rows.back().push_back(relative_error(values[i]));
     rows.back().emplace_back(trial.candidates[i] == trial.best ? "chosen" : "");
   }
   page.table(rows);
@@ -124,7 +124,7 @@ Json json(const RegressionComparison& comparison) {
           {"smoothing", json_penalty(comparison.smoothing)}};
 }
 
-// null if nothing was tried.
+// null if nothing was tried. Errors are weighted geometric means of the one-step, many-step and simulation errors.
 Json json(const RefinementChoice& choice) {
   if (choice.trials.empty() && choice.jumps.empty()) return {};
   Json j{{"states", choice.states},
@@ -152,7 +152,7 @@ struct Judgement {
 };
 
 // This command with its options, and more options.
-std::string command_with(const Call& call, const std::string& more) {
+std::string command_with(const IdentifyCall& call, const std::string& more) {
   std::string text =
       fmt::format("tokid identify {} -o {}{}", words_of(call.paths), word(call.model.string()), words_of(call.read));
   for (const Option& option : option_table()) {
@@ -170,7 +170,7 @@ std::string command_with(const Call& call, const std::string& more) {
   return text + ' ' + more;
 }
 
-NextStep after(const Call& call, const Identification& result, const Judgement& judgement) {
+NextStep after(const IdentifyCall& call, const Identification& result, const Judgement& judgement) {
   if (!judgement.verdict) return test_on_other_data(call.model, call.paths, call.read);
   constexpr Index enough = 8;  // fewer experiments make a model that says little about the one of all
   const Index used = result.experiments + result.held_out_experiments, remain = used - (used + 4) / 5;
@@ -186,7 +186,7 @@ std::string missing_text(const Data& data) {
   return text;
 }
 
-std::string nominal_text(const Call& call, const Data& data, const Identification& result) {
+std::string nominal_text(const IdentifyCall& call, const Data& data, const Identification& result) {
   if (call.options.nominal == NominalChoice::none) return "none, as asked";
   if (call.options.nominal == NominalChoice::mean) return "the mean motion was removed, as asked";
   return nominal_remark(result.nominal_test, result.model.names, data.inputs, call.options.period);
@@ -199,7 +199,7 @@ Index largest_lags(const Data& data, const Identification& result) {
   return largest_lag_order(result.experiments - spent, data.inputs, data.outputs, result.plan.feedthrough.present);
 }
 
-std::string smoothing_text(const Call& call, const Identification& result) {
+std::string smoothing_text(const IdentifyCall& call, const Identification& result) {
   const Index period = result.plan.choices.variation.period;
   if (period == 1)
     return call.options.period == 1 ? "one model for all steps, as asked"
@@ -222,12 +222,12 @@ void add_smoothing_trials(const SmoothingChoice& choice, Page& page) {
   for (const double w : weights) rows.front().push_back(penalty(w));
   for (const auto& [lags, row] : errors) {
     rows.push_back({fmt::format("{}", lags)});
-    for (const double w : weights) rows.back().push_back(row.count(w) ? share(row.at(w)) : std::string("."));
+    for (const double w : weights) rows.back().push_back(row.count(w) ? relative_error(row.at(w)) : std::string("."));
   }
   page.table(rows);
 }
 
-void add_lag_order(const Call& call, const Data& data, const Identification& result, Page& page) {
+void add_lag_order(const IdentifyCall& call, const Data& data, const Identification& result, Page& page) {
   const bool tried = result.lag_order_errors.mean.size() > 0;
   const bool together = !result.smoothing_choice.trials.empty();
   const char* why = call.options.lags ? "as asked"
@@ -243,7 +243,7 @@ void add_lag_order(const Call& call, const Data& data, const Identification& res
   add_trial(lag_trial(result), page);
 }
 
-void add_states(const Call& call, const Identification& result, Page& page) {
+void add_states(const IdentifyCall& call, const Identification& result, Page& page) {
   const Model& model = result.model;
   const bool tried = !result.order_scores.states.empty();
   const bool after_em = decided_after_em(result);
@@ -272,12 +272,12 @@ void add_refinement(const Identification& result, Page& page) {
   page.row("Refinement", choice.iterations > 0
                              ? fmt::format("EM, {}, lambda = {}: cross-validation error {} instead of {}",
                                            plural(choice.iterations, "iteration"), penalty(choice.smoothing),
-                                           share(after), share(before))
+                                           relative_error(after), relative_error(before))
                          : dropped ? "none: EM made the model better in cross-validation, but not on the whole data"
                                    : "none: EM did not lower the cross-validation error");
 }
 
-void add_delays(const Call& call, const Identification& result, Page& page) {
+void add_delays(const IdentifyCall& call, const Identification& result, Page& page) {
   const std::vector<Index>& delays = result.plan.choices.delays;
   std::vector<std::string> texts;
   for (size_t i = 0; i < delays.size(); ++i)
@@ -288,7 +288,7 @@ void add_delays(const Call& call, const Identification& result, Page& page) {
            fmt::format("{}, {}", fmt::join(texts, ", "), call.options.delays ? "as asked" : "by cross-validation"));
 }
 
-void add_jumps(const Call& call, const Identification& result, Page& page) {
+void add_jumps(const IdentifyCall& call, const Identification& result, Page& page) {
   const std::vector<Jump>& jumps = result.refinement.jumps;
   if (jumps.empty()) return;
   std::vector<std::string> texts;
@@ -304,7 +304,7 @@ Index dropped_experiments(const Identification& result) {
 }
 
 // What was done about experiments and samples that do not fit.
-void add_outliers(const Call& call, const Identification& result, Page& page) {
+void add_outliers(const IdentifyCall& call, const Identification& result, Page& page) {
   if (call.options.outliers == OutlierChoice::keep) return;
   const Corrections& made = result.model.provenance.corrections;
   const Index dropped = dropped_experiments(result), samples = Index(made.samples.size());
@@ -333,7 +333,7 @@ void add_fit(const Data& data, const Identification& result, Page& page) {
     page.row("", "each block is simulated separately, from a state that the samples before the block determine");
 }
 
-void add_output_weights(const Call& call, const Identification& result, Page& page) {
+void add_output_weights(const IdentifyCall& call, const Identification& result, Page& page) {
   std::vector<std::string> texts;
   for (size_t j = 0; j < call.options.output_weights.size(); ++j)
     texts.push_back(
@@ -342,7 +342,7 @@ void add_output_weights(const Call& call, const Identification& result, Page& pa
 }
 
 // What was decided before the regressions, and how they came out.
-void add_assumptions(const Call& call, const Data& data, const Identification& result, Page& page) {
+void add_assumptions(const IdentifyCall& call, const Data& data, const Identification& result, Page& page) {
   if (call.verbose || !data.says_initial_state)
     page.row("Initial state",
              fmt::format("{}: {}", to_string(result.model.initial_state), result.initial_state_test.reason));
@@ -352,7 +352,7 @@ void add_assumptions(const Call& call, const Data& data, const Identification& r
   add_output_weights(call, result, page);
 }
 
-void add_result(const Call& call, const Identification& result, Page& page) {
+void add_result(const IdentifyCall& call, const Identification& result, Page& page) {
   const Model& model = result.model;
   if (call.verbose)
     page.row("Model",
@@ -363,7 +363,7 @@ void add_result(const Call& call, const Identification& result, Page& page) {
                                         result.rank_deficient_steps, plural(result.steps, "step")));
 }
 
-std::string report(const Call& call, const Data& data, const Identification& result, const Judgement& judgement) {
+std::string report(const IdentifyCall& call, const Data& data, const Identification& result, const Judgement& judgement) {
   Page page;
   page.row("Data", fmt::format("{}: {} of {}, {}, {}, dt = {:.6g} s", call.data.string(),
                                plural(data.experiments, "experiment"), plural(data.steps, "step"),
@@ -415,7 +415,7 @@ Json json(const NominalTest& test, const Model& model, Index inputs) {
           {"significant", test.significant}};
 }
 
-Json json(const Call& call, const Data& data, const Identification& result, const Judgement& judgement) {
+Json json(const IdentifyCall& call, const Data& data, const Identification& result, const Judgement& judgement) {
   const Model& model = result.model;
   Json j;
   j["data"] = json_of(call.paths);
@@ -495,7 +495,7 @@ Json json(const Call& call, const Data& data, const Identification& result, cons
 }
 
 // Writes the page if the call asks for one. The verdict is that of the page.
-Judgement judged(const Call& call, const Ensemble& data, const Identification& result) {
+Judgement judged(const IdentifyCall& call, const Ensemble& data, const Identification& result) {
   ReportOptions options;
   options.model_name = call.model.filename().string();
   options.data_name = call.data.filename().string();
@@ -512,7 +512,7 @@ Judgement judged(const Call& call, const Ensemble& data, const Identification& r
   }
 }
 
-void print_result(const Call& call, const Data& data, const Identification& result, const Judgement& judgement) {
+void print_result(const IdentifyCall& call, const Data& data, const Identification& result, const Judgement& judgement) {
   if (call.json)
     print(json(call, data, result, judgement));
   else if (!call.quiet)
@@ -527,7 +527,7 @@ bool is_hdf5(const fs::path& path) {
 
 // Should the identification work in blocks? Yes if --block states a number, if the samples need much memory, or if
 // several processes share the work.
-bool in_blocks(const Call& call) {
+bool in_blocks(const IdentifyCall& call) {
   constexpr double much = 512e6;
   if (call.block != automatic) return call.block > 0;
   const IdentifyOptions& o = call.options;
@@ -539,7 +539,7 @@ bool in_blocks(const Call& call) {
   return bytes && (*bytes > much || team().size > 1);
 }
 
-void run_in_blocks(const Call& call) {
+void run_in_blocks(const IdentifyCall& call) {
   if (!call.page.empty())
     throw std::invalid_argument(
         "--report: not possible with --block, because the page shows whole experiments, and --block reads only "
@@ -587,7 +587,7 @@ std::string about_first(const Model& model, const Ensemble& data) {
   }
 }
 
-void run_at_once(const Call& call) {
+void run_at_once(const IdentifyCall& call) {
   // The lock begins before the identification. Otherwise another process could update the old state meanwhile, and this
   // update would be lost.
   std::optional<HeldFile> held;
@@ -613,7 +613,7 @@ void run_at_once(const Call& call) {
   print_result(call, about_data(data), result, judgement);
 }
 
-void run(const Call& call) {
+void run_identify(const IdentifyCall& call) {
   check_output(call.model, Content::model, call.paths);
   if (!call.page.empty()) check_output(call.page, Content::page);
   std::vector<fs::path> kept = call.paths;
@@ -661,7 +661,7 @@ void add_options(Command& command, IdentifyOptions& target) {
 }  // namespace
 
 void add_identify(CLI::App& tool) {
-  const auto call = std::make_shared<Call>();
+  const auto call = std::make_shared<IdentifyCall>();
   IdentifyOptions& o = call->options;
   Command command(tool, "identify", "Identify a time varying model from an ensemble of experiments",
                   "tokid identify data.npz -o model.npz --hold-out 0.2");
@@ -687,7 +687,7 @@ void add_identify(CLI::App& tool) {
   command.verbose(call->verbose);
   command.flag("--json", call->json, "Print one JSON object");
   command.flag("--quiet", call->quiet, "Print warnings and errors only");
-  command.runs([call] { run(*call); });
+  command.runs([call] { run_identify(*call); });
 }
 
 }  // namespace tokid::app

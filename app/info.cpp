@@ -17,7 +17,7 @@ namespace tokid::app {
 
 namespace {
 
-struct Call {
+struct InfoCall {
   std::vector<fs::path> paths;
   fs::path file;  // how reports name the paths
   ReadOptions read{{}, {}, false};
@@ -58,7 +58,7 @@ Index usable_experiments(const Ensemble& e, const Findings& findings) {
   return count;
 }
 
-Json json(const Call& call, const Ensemble& e, const Findings& findings) {
+Json json(const InfoCall& call, const Ensemble& e, const Findings& findings) {
   Json j;
   j["file"] = json_of(call.paths);
   j["kind"] = "ensemble";
@@ -97,7 +97,7 @@ std::string name_list(const std::vector<std::string>& names) {
   return fmt::format("{}, … {}", fmt::join(names.begin(), names.begin() + most - 1, ", "), names.back());
 }
 
-std::string report(const Call& call, const Ensemble& e, const Findings& findings) {
+std::string report(const InfoCall& call, const Ensemble& e, const Findings& findings) {
   Page page;
   page.row("Ensemble", call.file.string());
   page.row("", describe(e));
@@ -184,7 +184,7 @@ std::vector<std::string> noise_fields(const Model& model) {
   return names;
 }
 
-Json json(const Call& call, const Model& model) {
+Json json(const InfoCall& call, const Model& model) {
   const Span dims = state_dimensions(model), lags = lag_orders(model);
   const std::vector<double> condition = conditions(model);
   Json j;
@@ -222,7 +222,7 @@ Json json(const Call& call, const Model& model) {
   return j;
 }
 
-std::string report(const Call& call, const Model& model) {
+std::string report(const InfoCall& call, const Model& model) {
   const auto labels = [](Index count, const auto& label) {
     std::vector<std::string> names;
     for (Index i = 0; i < count; ++i) names.push_back(label(i));
@@ -265,7 +265,7 @@ Span state_dimensions(const Controller& c) {
   return span(values);
 }
 
-Json json(const std::vector<Matrix>& matrices) {
+Json weights_json(const std::vector<Matrix>& matrices) {
   Json list = Json::array();
   for (const Matrix& matrix : matrices) {
     Json rows = Json::array();
@@ -275,7 +275,7 @@ Json json(const std::vector<Matrix>& matrices) {
   return list;
 }
 
-Json json(const Call& call, const Controller& c) {
+Json json(const InfoCall& call, const Controller& c) {
   const Span dims = state_dimensions(c);
   Json j;
   j["file"] = call.file.string();
@@ -288,10 +288,10 @@ Json json(const Call& call, const Controller& c) {
   j["begin"] = c.begin;
   j["end"] = c.end();
   j["dt"] = c.dt;
-  j["output_weight"] = json(c.weights.output);
-  j["input_weight"] = json(c.weights.input);
-  j["input_rate_weight"] = json(c.weights.input_rate);
-  j["terminal_weight"] = c.weights.terminal.size() > 0 ? json({c.weights.terminal})[0] : Json();
+  j["output_weight"] = weights_json(c.weights.output);
+  j["input_weight"] = weights_json(c.weights.input);
+  j["input_rate_weight"] = weights_json(c.weights.input_rate);
+  j["terminal_weight"] = c.weights.terminal.size() > 0 ? weights_json({c.weights.terminal})[0] : Json();
   j["output_reference"] = c.y_reference.size() > 0;
   j["input_reference"] = c.u_reference.size() > 0;
   j["nominal"] = !c.u_nominal.isZero(0) || !c.y_nominal.isZero(0);
@@ -300,7 +300,7 @@ Json json(const Call& call, const Controller& c) {
   return j;
 }
 
-std::string report(const Call& call, const Controller& c) {
+std::string report(const InfoCall& call, const Controller& c) {
   Page page;
   page.row("Controller", call.file.string());
   page.row("", fmt::format("{}, {}, steps {} to {}, dt = {} s", plural(c.u_nominal.cols(), "input"),
@@ -321,7 +321,7 @@ std::string report(const Call& call, const Controller& c) {
 }
 
 template <class Contained>
-void show(const Call& call, const Contained& contained) {
+void show(const InfoCall& call, const Contained& contained) {
   if (call.json)
     print(json(call, contained));
   else
@@ -329,7 +329,7 @@ void show(const Call& call, const Contained& contained) {
 }
 
 // The options of ensembles have no effect on other files.
-void refuse_options_of_ensembles(const Call& call, const char* found) {
+void refuse_options_of_ensembles(const InfoCall& call, const char* found) {
   const std::string given =
       words_of(call.read) + (call.page.empty() ? std::string() : " --picture " + word(call.page.string()));
   if (!given.empty())
@@ -337,7 +337,7 @@ void refuse_options_of_ensembles(const Call& call, const char* found) {
         fmt::format("{}: {} found, an ensemble needed with the options{}", call.file.string(), found, given));
 }
 
-void run(const Call& call) {
+void run_info(const InfoCall& call) {
   if (call.paths.size() == 1) {
     const FileKind kind = file_kind(call.file);
     if (kind != FileKind::ensemble)
@@ -360,7 +360,7 @@ void run(const Call& call) {
 }  // namespace
 
 void add_info(CLI::App& tool) {
-  const auto call = std::make_shared<Call>();
+  const auto call = std::make_shared<InfoCall>();
   Command command(tool, "info", "What is in an ensemble, a model or a controller", "tokid info data.h5");
   command.data("FILE", call->paths, call->file,
                "Ensemble, model or controller; or many .csv: files, a folder, a pattern");
@@ -368,7 +368,7 @@ void add_info(CLI::App& tool) {
   command.verbose(call->verbose);
   command.file("--picture", call->page, "Page to write with drawings of all channels of an ensemble: .html");
   command.flag("--json", call->json, "Print one JSON object");
-  command.runs([call] { run(*call); });
+  command.runs([call] { run_info(*call); });
 }
 
 }  // namespace tokid::app

@@ -9,7 +9,7 @@ namespace tokid::app {
 
 namespace {
 
-struct Call {
+struct LearnCall {
   fs::path model, run, reference, output;
   ReadOptions read;
   Index experiment = -1;  // row of the last run; -1: the last row
@@ -17,7 +17,7 @@ struct Call {
   bool json = false;
 };
 
-LearningWeights weights_of(const Call& call, const Model& model) {
+LearningWeights weights_of(const LearnCall& call, const Model& model) {
   if (call.inputs.empty() && call.changes.empty() && call.rates.empty())
     throw std::invalid_argument(
         "no weight on inputs found; --input-weight, --input-change-weight or --input-rate-weight needed");
@@ -32,7 +32,7 @@ LearningWeights weights_of(const Call& call, const Model& model) {
   return result;
 }
 
-Ensemble reference_of(const Model& model, const Call& call, const Ensemble& last) {
+Ensemble reference_of(const Model& model, const LearnCall& call, const Ensemble& last) {
   Ensemble wanted = load_reference(model, call.reference, call.read);
   if (wanted.steps() != last.steps())
     throw std::invalid_argument(fmt::format("{}: {} found, {} needed as in {}", call.reference.string(),
@@ -40,7 +40,7 @@ Ensemble reference_of(const Model& model, const Call& call, const Ensemble& last
   return wanted;
 }
 
-Index row_of(const Call& call, const Ensemble& runs) {
+Index row_of(const LearnCall& call, const Ensemble& runs) {
   if (call.experiment >= runs.experiments())
     throw std::invalid_argument(fmt::format("{}: --experiment {} found, 0 to {} needed", call.run.string(),
                                             call.experiment, runs.experiments() - 1));
@@ -60,7 +60,7 @@ Ensemble next_run(const Ensemble& last, const LearnedRun& learned) {
   return next;
 }
 
-std::string report(const Call& call, const Model& model, const Ensemble& last, const LearnedRun& learned) {
+std::string report(const LearnCall& call, const Model& model, const Ensemble& last, const LearnedRun& learned) {
   Page page;
   page.row("Model", describe(model));
   page.row("Last run", fmt::format("{}, experiment {}", call.run.string(), last.experiment_label(0)));
@@ -72,7 +72,7 @@ std::string report(const Call& call, const Model& model, const Ensemble& last, c
   return page.text();
 }
 
-Json json(const Call& call, Index row, const LearnedRun& learned, const Findings& findings) {
+Json json(const LearnCall& call, Index row, const LearnedRun& learned, const Findings& findings) {
   Json j;
   j["model"] = call.model.string();
   j["run"] = call.run.string();
@@ -86,7 +86,7 @@ Json json(const Call& call, Index row, const LearnedRun& learned, const Findings
   return j;
 }
 
-void run(const Call& call) {
+void run_learn(const LearnCall& call) {
   check_output(call.output, Content::ensemble, {call.model, call.run, call.reference});
   const Model model = load_model(call.model);
   const LearningWeights weights = weights_of(call, model);
@@ -114,7 +114,7 @@ void run(const Call& call) {
 }  // namespace
 
 void add_learn(CLI::App& tool) {
-  const auto call = std::make_shared<Call>();
+  const auto call = std::make_shared<LearnCall>();
   Command command(tool, "learn", "Compute the inputs of the next run from a reference and the last run",
                   "tokid learn model.npz run.csv wanted.csv --input-change-weight 0.01 -o next.csv");
   command.argument("MODEL", call->model, "Model: .npz, .h5 or .mat");
@@ -135,7 +135,7 @@ void add_learn(CLI::App& tool) {
               "Weights of squared changes of the inputs from step to step (default none)");
   command.columns(call->read);
   command.flag("--json", call->json, "Print one JSON object");
-  command.runs([call] { run(*call); });
+  command.runs([call] { run_learn(*call); });
 }
 
 }  // namespace tokid::app

@@ -14,7 +14,7 @@ namespace tokid::app {
 
 namespace {
 
-struct Call {
+struct LqrCall {
   fs::path model, output, reference, simulated, truth;
   Weights outputs = {1.0}, inputs = {1.0}, rates, terminal, lower, upper;
   Index begin = -1, end = -1;
@@ -22,7 +22,7 @@ struct Call {
   bool json = false;
 };
 
-CostWeights cost_of(const Call& call, const Model& model) {
+CostWeights cost_of(const LqrCall& call, const Model& model) {
   CostWeights cost;
   cost.output = {diagonal("--output-weight", call.outputs, model.outputs)};
   cost.input = {diagonal("--input-weight", call.inputs, model.inputs)};
@@ -32,7 +32,7 @@ CostWeights cost_of(const Call& call, const Model& model) {
 }
 
 // The wanted outputs of the steps begin … end-1 as departures from the nominal trajectory.
-Matrix reference_of(const Call& call, const Model& model, const Ensemble& wanted, Index begin, Index end) {
+Matrix reference_of(const LqrCall& call, const Model& model, const Ensemble& wanted, Index begin, Index end) {
   if (wanted.steps() < end)
     throw std::invalid_argument(fmt::format("{}: {} found, {} needed, the end of the controller",
                                             call.reference.string(), plural(wanted.steps(), "step"), end));
@@ -47,7 +47,7 @@ Matrix reference_of(const Call& call, const Model& model, const Ensemble& wanted
   return y;
 }
 
-Controller design(const Call& call, const Model& model, const CostWeights& weights,
+Controller design(const LqrCall& call, const Model& model, const CostWeights& weights,
                   const std::optional<Ensemble>& wanted) {
   ControlOptions options{call.begin, call.end};
   const Index begin = call.begin < 0 ? model.k_begin : call.begin, end = call.end < 0 ? model.k_end() : call.end;
@@ -82,7 +82,7 @@ Findings differences_of_truth(const Model& model, const Model& truth) {
   return found;
 }
 
-ClosedLoopSimulation simulate(const Call& call, const Controller& controller, const Model& model,
+ClosedLoopSimulation simulate(const LqrCall& call, const Controller& controller, const Model& model,
                               const std::optional<Model>& truth) {
   SimulateControlOptions options = call.simulation;
   options.u_min = limits_of("--u-min", call.lower, model.inputs);
@@ -100,7 +100,7 @@ MeanCost mean_of(const Vector& cost) {
   return {mean, std::sqrt((cost.array() - mean).square().sum() / (count - 1) / count)};
 }
 
-std::string report(const Call& call, const Model& model, const Controller& controller,
+std::string report(const LqrCall& call, const Model& model, const Controller& controller,
                    const std::optional<ExpectedCost>& nominal, const std::optional<ClosedLoopSimulation>& loop) {
   Page page;
   page.row("Model", describe(model));
@@ -124,7 +124,7 @@ std::string report(const Call& call, const Model& model, const Controller& contr
   return page.text();
 }
 
-Json json(const Call& call, const Controller& controller, const std::optional<ExpectedCost>& nominal,
+Json json(const LqrCall& call, const Controller& controller, const std::optional<ExpectedCost>& nominal,
           const std::optional<ClosedLoopSimulation>& loop, const Findings& findings) {
   const std::optional<ExpectedCost>& predicted = controller.predicted;
   Json j;
@@ -155,7 +155,7 @@ Json json(const Call& call, const Controller& controller, const std::optional<Ex
   return j;
 }
 
-void run(const Call& call) {
+void run_lqr(const LqrCall& call) {
   check_output(call.output, Content::controller, {call.model, call.reference, call.truth});
   if (!call.simulated.empty())
     check_output(call.simulated, Content::ensemble, {call.model, call.reference, call.truth, call.output});
@@ -185,7 +185,7 @@ void run(const Call& call) {
 }  // namespace
 
 void add_lqr(CLI::App& tool) {
-  const auto call = std::make_shared<Call>();
+  const auto call = std::make_shared<LqrCall>();
   constexpr Index most = 1'000'000'000;
   Command command(tool, "lqr", "Design an LQR controller of the departures from the nominal trajectory",
                   "tokid lqr model.npz --output-weight 100,1 --input-weight 0.1 -o controller.h5");
@@ -221,7 +221,7 @@ void add_lqr(CLI::App& tool) {
   for (const char* option : {"--truth", "--experiments", "--seed", "--no-noise", "--u-min", "--u-max"})
     command.needs(option, "--simulate");
   command.flag("--json", call->json, "Print one JSON object");
-  command.runs([call] { run(*call); });
+  command.runs([call] { run_lqr(*call); });
 }
 
 }  // namespace tokid::app

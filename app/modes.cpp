@@ -15,7 +15,7 @@ namespace tokid::app {
 
 namespace {
 
-struct Call {
+struct ModesCall {
   fs::path model, output, data;
   std::vector<Index> at;  // steps; empty: some steps of the model
   ModesOptions options;
@@ -23,7 +23,7 @@ struct Call {
   bool json = false;
 };
 
-constexpr Index shown = 5;  // steps of the printed table, unless the user states steps
+constexpr Index shown_steps = 5;  // steps of the printed table, unless the user states steps
 
 constexpr double inexact = 1e-10;  // errors by rounding of multipliers that are worth a line
 
@@ -36,7 +36,7 @@ struct Table {
 };
 
 // Rows of the table: the stated steps, or steps at even distances.
-std::vector<Index> rows_of(const Call& call, const Modes& modes) {
+std::vector<Index> rows_of(const ModesCall& call, const Modes& modes) {
   std::vector<Index> result;
   for (const Index step : call.at) {
     if (step < modes.begin || step >= modes.begin + modes.steps())
@@ -46,7 +46,7 @@ std::vector<Index> rows_of(const Call& call, const Modes& modes) {
     result.push_back(step - modes.begin);
   }
   if (!result.empty()) return result;
-  const Index last = modes.steps() - 1, rows = std::min(shown, modes.steps());
+  const Index last = modes.steps() - 1, rows = std::min(shown_steps, modes.steps());
   for (Index i = 0; i < rows; ++i) result.push_back(rows > 1 ? i * last / (rows - 1) : 0);
   return result;
 }
@@ -79,7 +79,7 @@ void floquet_rows(Page& page, const Model& model, const Table& t) {
     page.row("", fmt::format("relative errors of the multipliers by rounding: {}", fmt::join(errors, ", ")));
 }
 
-std::string report(const Call& call, const Model& model, const Table& t) {
+std::string report(const ModesCall& call, const Model& model, const Table& t) {
   const Modes& modes = t.modes;
   Page page;
   page.row("Model", call.model.string());
@@ -148,7 +148,7 @@ Json per_step(const Matrix& values) {
   return list;
 }
 
-Json json(const Call& call, const Model& model, const Table& t) {
+Json json(const ModesCall& call, const Model& model, const Table& t) {
   Json j;
   j["model"] = call.model.string();
   j["begin"] = t.modes.begin;
@@ -193,7 +193,7 @@ Json json(const Call& call, const Model& model, const Table& t) {
   return j;
 }
 
-Table table(const Call& call, const Model& model) {
+Table table(const ModesCall& call, const Model& model) {
   Table result;
   if (call.data.empty()) {
     result.modes = about(call.model, [&] { return modes(model, call.options); });
@@ -211,7 +211,7 @@ Table table(const Call& call, const Model& model) {
   return result;
 }
 
-void run(const Call& call) {
+void run_modes(const ModesCall& call) {
   if (!call.output.empty()) check_output(call.output, Content::table, {call.model, call.data});
   const Model model = load_model(call.model);
   const Table t = table(call, model);
@@ -227,7 +227,7 @@ void run(const Call& call) {
 }  // namespace
 
 void add_modes(CLI::App& tool) {
-  const auto call = std::make_shared<Call>();
+  const auto call = std::make_shared<ModesCall>();
   Command command(tool, "modes", "Compute natural frequencies and damping ratios of a model over time",
                   "tokid modes model.npz --at 20,60,100 --confidence data.npz -o modes.csv");
   command.argument("MODEL", call->model, "Model: .npz, .h5 or .mat");
@@ -249,7 +249,7 @@ void add_modes(CLI::App& tool) {
   for (const char* option : {"--level", "--replicates", "--seed"}) command.needs(option, "--confidence");
   command.threads(call->options.execution.threads);
   command.flag("--json", call->json, "Print one JSON object");
-  command.runs([call] { run(*call); });
+  command.runs([call] { run_modes(*call); });
 }
 
 }  // namespace tokid::app

@@ -9,7 +9,7 @@ namespace tokid::app {
 
 namespace {
 
-struct Call {
+struct PaperCall {
   fs::path directory;
   std::uint64_t seed = 1;
   int threads = 1;
@@ -25,7 +25,7 @@ void make_directory(const fs::path& path) {
     throw WriteError(fmt::format("{}: the directory can't be made: {}", path.string(), error.message()), error.value());
 }
 
-std::string text(const Paper& paper, const KalmanStudy& study, const Call& call, double seconds) {
+std::string text(const Paper& paper, const KalmanStudy& study, const PaperCall& call, double seconds) {
   Page page;
   page.row("Appendix B", "eigenvalues of A + G C in the reference frame");
   std::vector<std::vector<std::string>> rows{{"equation", "printed", "computed", "difference"}};
@@ -50,7 +50,7 @@ std::string text(const Paper& paper, const KalmanStudy& study, const Call& call,
   return page.text();
 }
 
-void run(const Call& call) {
+void run_paper(const PaperCall& call) {
   const auto begin = std::chrono::steady_clock::now();
   make_directory(call.directory);
   const Paper paper = paper_example({.seed = call.seed, .execution = {call.threads, {}}});
@@ -76,12 +76,12 @@ void run(const Call& call) {
 }  // namespace
 
 void add_paper(CLI::App& tool) {
-  const auto call = std::make_shared<Call>();
+  const auto call = std::make_shared<PaperCall>();
   Command command(tool, "paper", "Compute the figures and printed numbers of the paper again", "tokid paper -o paper");
   command.output(call->directory, "Directory for paper.html and paper.json", "DIR");
   command.number<std::uint64_t>("--seed", call->seed, "S", "Seed of the experiments (default 1)", 0);
   command.threads(call->threads);
-  command.runs([call] { run(*call); });
+  command.runs([call] { run_paper(*call); });
 }
 
 }  // namespace tokid::app

@@ -11,7 +11,7 @@ namespace tokid::app {
 
 namespace {
 
-struct Call {
+struct PlanCall {
   fs::path model, output;
   PlanOptions options;
   bool json = false, verbose = false;
@@ -39,16 +39,11 @@ Extreme extreme(const std::vector<double>& values) {
   return result;
 }
 
-std::string describe(const Extreme& e) {
+std::string text_of(const Extreme& e) {
   return fmt::format("median {}, largest {} at step {}", number(e.median), number(e.value), e.step);
 }
 
-std::string share(double value) {
-  if (std::isnan(value)) return "-";
-  return value < 10 ? number(100 * value) + " %" : number(value) + " times";
-}
-
-std::string report(const Call& call, const PlanOptions& sizes, const ExperimentPlan& plan) {
+std::string report(const PlanCall& call, const PlanOptions& sizes, const ExperimentPlan& plan) {
   const Ensemble& u = plan.inputs;
   Page page;
   page.row("System", fmt::format("n = {} states, r = {} inputs, m = {} outputs; lag order p = {}", sizes.states,
@@ -64,11 +59,11 @@ std::string report(const Call& call, const PlanOptions& sizes, const ExperimentP
     rows.push_back({input_label(u.names, i), number(limit), number(plan.peak(i)), number(plan.rms(i))});
   }
   page.table(rows);
-  page.row("Condition", fmt::format("of the inputs in a window: {}", describe(extreme(plan.input_condition))));
+  page.row("Condition", fmt::format("of the inputs in a window: {}", text_of(extreme(plan.input_condition))));
   if (plan.condition.empty()) {
     if (call.verbose) page.row("", "of the whole windows: not known without a model of the system (option --model)");
   } else {
-    page.row("", fmt::format("of the windows W_k on the model: {}", describe(extreme(plan.condition))));
+    page.row("", fmt::format("of the windows W_k on the model: {}", text_of(extreme(plan.condition))));
     if (!std::isnan(plan.start_condition))
       page.row("", fmt::format("before the optimisation: largest {}", number(plan.start_condition)));
     std::string peaks;
@@ -129,7 +124,7 @@ Json json(const PlanOptions& sizes, const ExperimentPlan& plan) {
   return j;
 }
 
-void run(const Call& call) {
+void run_plan(const PlanCall& call) {
   check_output(call.output, Content::ensemble, {call.model});
   PlanOptions options = call.options;
   std::optional<Model> model;
@@ -186,7 +181,7 @@ std::optional<NoiseLevel> noise_level(const std::string& text) {
 }  // namespace
 
 void add_plan(CLI::App& tool) {
-  const auto call = std::make_shared<Call>();
+  const auto call = std::make_shared<PlanCall>();
   PlanOptions& o = call->options;
   constexpr Index most = 1'000'000;
   Command command(tool, "plan", "Plan the number of experiments and their inputs",
@@ -225,7 +220,7 @@ void add_plan(CLI::App& tool) {
   command.output(call->output, "Ensemble to write, inputs only: .npz, .h5, .mat or .csv");
   command.verbose(call->verbose);
   command.flag("--json", call->json, "Print one JSON object");
-  command.runs([call] { run(*call); });
+  command.runs([call] { run_plan(*call); });
 }
 
 }  // namespace tokid::app

@@ -7,13 +7,13 @@ namespace tokid::app {
 
 namespace {
 
-struct Call {
+struct PredictCall {
   fs::path model, data, output;
   ReadOptions read;
   PredictOptions options;
 };
 
-void run(const Call& call) {
+void run_predict(const PredictCall& call) {
   check_output(call.output, Content::ensemble, {call.model, call.data});
   const Model model = load_model(call.model);
   const Ensemble data = load_data(model, call.data, call.read);
@@ -34,7 +34,7 @@ void run(const Call& call) {
 }  // namespace
 
 void add_predict(CLI::App& tool) {
-  const auto call = std::make_shared<Call>();
+  const auto call = std::make_shared<PredictCall>();
   Command command(tool, "predict", "Predictions of a model with its observer in the loop",
                   "tokid predict model.npz data.npz -o predicted.npz --horizon 5");
   command.argument("MODEL", call->model, "Model: .npz, .h5 or .mat");
@@ -42,7 +42,7 @@ void add_predict(CLI::App& tool) {
   command.output(call->output, "Ensemble to write: .npz, .h5, .mat or .csv");
   command.columns(call->read);
   command.horizon(call->options.horizon);
-  command.runs([call] { run(*call); });
+  command.runs([call] { run_predict(*call); });
 }
 
 }  // namespace tokid::app

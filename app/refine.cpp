@@ -10,7 +10,7 @@ namespace tokid::app {
 
 namespace {
 
-struct Call {
+struct RefineCall {
   fs::path model, data, output;
   ReadOptions read;
   RefineModelOptions options;
@@ -28,7 +28,7 @@ void add_choice_table(const LikelihoodChoice& choice, Page& page) {
   page.table(rows);
 }
 
-NextStep next_step(const Call& call, const Refinement& result) {
+NextStep command_after(const RefineCall& call, const Refinement& result) {
   if (result.converged) return test_on_other_data(call.output, {call.data}, call.read);
   const std::string output = word(call.output.string());
   return {"continue from here",
@@ -36,7 +36,7 @@ NextStep next_step(const Call& call, const Refinement& result) {
                       words_of(call.read), 2 * result.iterations)};
 }
 
-std::string report(const Call& call, const Model& model, const Ensemble& data, const RefinedModel& outcome) {
+std::string report(const RefineCall& call, const Model& model, const Ensemble& data, const RefinedModel& outcome) {
   const Refinement& result = outcome.refinement;
   Page page;
   page.row("Model", call.model.string());
@@ -60,7 +60,7 @@ std::string report(const Call& call, const Model& model, const Ensemble& data, c
                     percent(outcome.after.one_step.fit(j))});
   page.table("Fit", rows);
   page.row("Written", call.output.string());
-  const NextStep next = next_step(call, result);
+  const NextStep next = command_after(call, result);
   page.command("Next", next.purpose, next.command);
   return page.text();
 }
@@ -71,7 +71,7 @@ Json fit_json(const RefinementFigures& f) {
           {"whiteness_p", f.whiteness_p}};
 }
 
-Json json(const Call& call, const Ensemble& data, const RefinedModel& outcome) {
+Json json(const RefineCall& call, const Ensemble& data, const RefinedModel& outcome) {
   const Refinement& result = outcome.refinement;
   Json j;
   j["model"] = call.model.string();
@@ -103,7 +103,7 @@ Json json(const Call& call, const Ensemble& data, const RefinedModel& outcome) {
   return j;
 }
 
-void run(const Call& call) {
+void run_refine(const RefineCall& call) {
   check_output(call.output, Content::model, {call.data});
   std::optional<HeldFile> held;  // needed if the output replaces the model
   if (same_file(call.model, call.output)) held.emplace(call.output);
@@ -136,7 +136,7 @@ bool set_smoothing(std::optional<double>& target, const std::string& text) {
 }  // namespace
 
 void add_refine(CLI::App& tool) {
-  const auto call = std::make_shared<Call>();
+  const auto call = std::make_shared<RefineCall>();
   RefineOptions& o = call->options.refine;
   Command command(tool, "refine", "Refine a model by EM (maximum likelihood)",
                   "tokid refine model.npz data.npz -o refined.npz");
@@ -168,7 +168,7 @@ void add_refine(CLI::App& tool) {
   command.flag("--json", call->json, "Print one JSON object");
   command.runs([call] {
     if (call->period > 0) call->options.refine.period = call->period;
-    run(*call);
+    run_refine(*call);
   });
 }
 

@@ -9,7 +9,7 @@ namespace tokid::app {
 
 namespace {
 
-struct Call {
+struct ReportCall {
   std::vector<fs::path> paths;
   fs::path model, data, output, identified;  // `data`: how reports name the paths
   std::vector<fs::path> compare;
@@ -19,7 +19,7 @@ struct Call {
   bool json = false;
 };
 
-void run(const Call& call) {
+void run_report(const ReportCall& call) {
   check_output(call.output, Content::page);
   const Model model = load_model(call.model);
   const Ensemble data = load_data(model, call.paths, call.read);
@@ -56,7 +56,7 @@ void run(const Call& call) {
 }  // namespace
 
 void add_report(CLI::App& tool) {
-  const auto call = std::make_shared<Call>();
+  const auto call = std::make_shared<ReportCall>();
   Command command(tool, "report", "Write a page (HTML) that shows whether a model can be trusted",
                   "tokid report model.npz fresh.npz -o page.html");
   command.argument("MODEL", call->model, "Model: .npz, .h5 or .mat");
@@ -79,7 +79,7 @@ void add_report(CLI::App& tool) {
                 parse_steps, "steps separated by commas needed, such as 0,20,50");
   command.threads(call->threads);
   command.flag("--json", call->json, "Print the verdict and its checks as one JSON object");
-  command.runs([call] { run(*call); });
+  command.runs([call] { run_report(*call); });
 }
 
 }  // namespace tokid::app

@@ -8,13 +8,13 @@ namespace tokid::app {
 
 namespace {
 
-struct Call {
+struct SimulateCall {
   fs::path model, inputs, output;
   bool estimate = false;
   ReadOptions read{{}, {}, false};
 };
 
-void run(const Call& call) {
+void run_simulate(const SimulateCall& call) {
   check_output(call.output, Content::ensemble, {call.model, call.inputs});
   const Model model = load_model(call.model);
   const Ensemble inputs = load_data(model, call.inputs, call.read);
@@ -37,7 +37,7 @@ void run(const Call& call) {
 }  // namespace
 
 void add_simulate(CLI::App& tool) {
-  const auto call = std::make_shared<Call>();
+  const auto call = std::make_shared<SimulateCall>();
   Command command(tool, "simulate", "Simulate the outputs of a model for new inputs",
                   "tokid simulate model.npz inputs.npz -o simulated.npz");
   command.argument("MODEL", call->model, "Model: .npz, .h5 or .mat");
@@ -46,7 +46,7 @@ void add_simulate(CLI::App& tool) {
   command.flag("--estimate-state", call->estimate,
                "Estimate unknown initial states from the outputs of the first steps");
   command.columns(call->read);
-  command.runs([call] { run(*call); });
+  command.runs([call] { run_simulate(*call); });
 }
 
 }  // namespace tokid::app

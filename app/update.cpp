@@ -12,7 +12,7 @@ namespace tokid::app {
 
 namespace {
 
-struct Call {
+struct UpdateCall {
   fs::path state, model;
   std::vector<fs::path> data;
   UpdateOptions options;
@@ -27,7 +27,7 @@ struct Result {
   Updated now;
 };
 
-std::string report(const Call& call, const Result& result) {
+std::string report(const UpdateCall& call, const Result& result) {
   const Model& model = result.now.model;
   Page page;
   for (size_t i = 0; i < call.data.size(); ++i) {
@@ -52,7 +52,7 @@ std::string report(const Call& call, const Result& result) {
   return page.text();
 }
 
-Json json(const Call& call, const Result& result) {
+Json json(const UpdateCall& call, const Result& result) {
   const Updated& now = result.now;
   Json j;
   j["state"] = call.state.string();
@@ -82,7 +82,7 @@ Json json(const Call& call, const Result& result) {
   return j;
 }
 
-void run_first(const Call& call) {
+void run_first(const UpdateCall& call) {
   check_output(call.state, Content::state, call.data);
   if (!call.model.empty()) {
     std::vector<fs::path> kept = call.data;
@@ -115,7 +115,7 @@ void run_first(const Call& call) {
   warn(result.now.findings);
 }
 
-void run(Call call) {
+void run_update(UpdateCall call) {
   call.options.team = team();
   if (team().rank == 0) return run_first(call);
   UpdateState none;
@@ -125,7 +125,7 @@ void run(Call call) {
 }  // namespace
 
 void add_update(CLI::App& tool) {
-  const auto call = std::make_shared<Call>();
+  const auto call = std::make_shared<UpdateCall>();
   Command command(tool, "update", "Add later experiments to a state file, and identify the model of all experiments",
                   "tokid update state.h5 tuesday.npz wednesday.npz -o model.npz");
   command.argument("STATE", call->state, "State file of identify --state, to which the new experiments are added");
@@ -137,7 +137,7 @@ void add_update(CLI::App& tool) {
   command.threads(call->options.execution.threads);
   command.flag("--json", call->json, "Print one JSON object");
   command.flag("--quiet", call->quiet, "Print warnings and errors only");
-  command.runs([call] { run(*call); });
+  command.runs([call] { run_update(*call); });
 }
 
 }  // namespace tokid::app

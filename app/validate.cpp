@@ -15,7 +15,7 @@ namespace tokid::app {
 
 namespace {
 
-struct Call {
+struct ValidateCall {
   std::vector<fs::path> paths;
   fs::path model, data;  // `data`: how reports name the paths
   ReadOptions read;
@@ -25,7 +25,7 @@ struct Call {
 };
 
 // One row for each output. The H-step fit has a column if the horizon H is more than one step.
-void add_table(const Call& call, const Model& model, const Validation& v, Vector Fit::*figure,
+void add_table(const ValidateCall& call, const Model& model, const Validation& v, Vector Fit::*figure,
                std::string (*format)(double), const std::string& heading, Page& page) {
   std::vector<std::vector<std::string>> rows{{"output", "simulation", "one step"}};
   const Index horizon = call.options.horizon;
@@ -63,7 +63,7 @@ std::string with_spread(double fit, double spread) {
   return std::isnan(spread) ? text : text.insert(text.rfind(" %"), " ± " + words::figure(spread, 2));
 }
 
-void add_cross_validation(const Call& call, const Model& model, const CrossValidation& cross, Page& page) {
+void add_cross_validation(const ValidateCall& call, const Model& model, const CrossValidation& cross, Page& page) {
   page.row("Folds", fmt::format("K = {}, n = {}; p = {}", cross.folds.size(), counts(cross, &Fold::states),
                                 counts(cross, &Fold::lags)));
   if (call.verbose) page.row("", "each tested with a model of the other experiments, identified with the same options");
@@ -99,7 +99,7 @@ void add_experiments(const Model& model, const Ensemble& data, const report::Val
 bool any_outlying(const ExperimentFits& fits) { return (fits.excess.array() > 1).any(); }
 
 // The first steps of the fits and the RMS errors.
-void add_errors(const Call& call, const Model& model, const Validation& v, Page& page) {
+void add_errors(const ValidateCall& call, const Model& model, const Validation& v, Page& page) {
   page.row("Compared", v.first_simulated == v.first_predicted
                            ? fmt::format("from step {} on", v.first_predicted)
                            : fmt::format("simulations from step {} on, predictions from step {} on", v.first_simulated,
@@ -117,7 +117,7 @@ void add_tests(const Model& model, const Validation& v, Page& page) {
   page.row("Feedback", in_words(found.feedback));
 }
 
-std::string report(const Call& call, const Model& model, const Ensemble& data, const report::Validated& found,
+std::string report(const ValidateCall& call, const Model& model, const Ensemble& data, const report::Validated& found,
                    const std::optional<CrossValidation>& cross) {
   const Validation& v = found.validation;
   Page page;
@@ -199,7 +199,7 @@ Json json(const Ensemble& data, const report::Validated& found) {
   return list;
 }
 
-Json json(const Call& call, const Model& model, const Ensemble& data, const report::Validated& validated,
+Json json(const ValidateCall& call, const Model& model, const Ensemble& data, const report::Validated& validated,
           const std::optional<CrossValidation>& cross) {
   const Validation& v = validated.validation;
   Json j;
@@ -241,7 +241,7 @@ Json json(const Call& call, const Model& model, const Ensemble& data, const repo
   return j;
 }
 
-CrossValidation cross_validation(const Call& call, const Model& model, const Ensemble& data) {
+CrossValidation cross_validation(const ValidateCall& call, const Model& model, const Ensemble& data) {
   IdentifyOptions identify = about(call.model, [&] { return identify_options(model.provenance); });
   CrossValidateOptions options;
   options.folds = call.folds;
@@ -252,7 +252,7 @@ CrossValidation cross_validation(const Call& call, const Model& model, const Ens
   return about(call.data, [&] { return cross_validate(data, identify, options); });
 }
 
-void run(const Call& call) {
+void run_validate(const ValidateCall& call) {
   const Model model = load_model(call.model);
   const Ensemble data = load_data(model, call.paths, call.read);
   ReportOptions options;
@@ -279,7 +279,7 @@ void run(const Call& call) {
 }  // namespace
 
 void add_validate(CLI::App& tool) {
-  const auto call = std::make_shared<Call>();
+  const auto call = std::make_shared<ValidateCall>();
   Command command(tool, "validate", "Test a model on data: fits, and tests of its innovations",
                   "tokid validate model.npz fresh.npz --horizon 10");
   command.argument("MODEL", call->model, "Model: .npz, .h5 or .mat");
@@ -296,7 +296,7 @@ void add_validate(CLI::App& tool) {
       2, 1'000'000);
   command.verbose(call->verbose);
   command.flag("--json", call->json, "Print one JSON object");
-  command.runs([call] { run(*call); });
+  command.runs([call] { run_validate(*call); });
 }
 
 }  // namespace tokid::app

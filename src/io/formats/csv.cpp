@@ -4,10 +4,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <map>
 #include <optional>
 
+#include "base/nan.hpp"
 #include "base/words.hpp"
 #include "io/formats/csv_table.hpp"
 #include "io/formats/formats.hpp"
@@ -40,8 +40,6 @@ void check_options(const ReadOptions& options) {
 }
 
 namespace {
-
-constexpr double missing = std::numeric_limits<double>::quiet_NaN();
 
 // The names of experiments: those of the files, with their folders where files have equal names.
 Names labels_of(const std::vector<std::filesystem::path>& paths) {
@@ -184,8 +182,8 @@ Ensemble read_csv(const std::filesystem::path& path, const ReadOptions& options)
     e.length = length;
     for (size_t n = 0; n < length.size(); ++n)
       for (Index k = std::max(length[n], Index{0}); k < e.steps(); ++k) {
-        e.input(k).row(Index(n)).setConstant(missing);
-        e.output(k).row(Index(n)).setConstant(missing);
+        e.input(k).row(Index(n)).setConstant(nan);
+        e.output(k).row(Index(n)).setConstant(nan);
       }
   }
   e.check(options.outputs_required);

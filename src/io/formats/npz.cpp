@@ -152,31 +152,31 @@ T load(const char* bytes, bool swap) {
 }
 
 template <typename T>
-std::vector<double> numbers_of(const std::vector<char>& bytes, bool swap) {
+std::vector<double> decoded(const std::vector<char>& bytes, bool swap) {
   std::vector<double> values(bytes.size() / sizeof(T));
   for (size_t i = 0; i < values.size(); ++i) values[i] = static_cast<double>(load<T>(&bytes[i * sizeof(T)], swap));
   return values;
 }
 
-using NumberReader = std::vector<double> (*)(const std::vector<char>&, bool);
+using Decoder = std::vector<double> (*)(const std::vector<char>&, bool);
 
-NumberReader number_reader(const Type& type) {
+Decoder decoder(const Type& type) {
   switch (type.kind) {
     case 'f':
-      return type.size == 8 ? numbers_of<double> : type.size == 4 ? numbers_of<float> : nullptr;
+      return type.size == 8 ? decoded<double> : type.size == 4 ? decoded<float> : nullptr;
     case 'b':
-      return type.size == 1 ? numbers_of<std::uint8_t> : nullptr;
+      return type.size == 1 ? decoded<std::uint8_t> : nullptr;
     case 'i':
-      return type.size == 8   ? numbers_of<std::int64_t>
-             : type.size == 4 ? numbers_of<std::int32_t>
-             : type.size == 2 ? numbers_of<std::int16_t>
-             : type.size == 1 ? numbers_of<std::int8_t>
+      return type.size == 8   ? decoded<std::int64_t>
+             : type.size == 4 ? decoded<std::int32_t>
+             : type.size == 2 ? decoded<std::int16_t>
+             : type.size == 1 ? decoded<std::int8_t>
                               : nullptr;
     case 'u':
-      return type.size == 8   ? numbers_of<std::uint64_t>
-             : type.size == 4 ? numbers_of<std::uint32_t>
-             : type.size == 2 ? numbers_of<std::uint16_t>
-             : type.size == 1 ? numbers_of<std::uint8_t>
+      return type.size == 8   ? decoded<std::uint64_t>
+             : type.size == 4 ? decoded<std::uint32_t>
+             : type.size == 2 ? decoded<std::uint16_t>
+             : type.size == 1 ? decoded<std::uint8_t>
                               : nullptr;
     default:
       return nullptr;
@@ -304,7 +304,7 @@ std::vector<char> read_bytes(Entry& entry) {
 
 std::vector<double> read_numbers(Entry& entry, const Type& type) {
   const bool swap = type.order != native_order;
-  if (type.kind != 'f' || type.size != sizeof(double) || swap) return number_reader(type)(read_bytes(entry), swap);
+  if (type.kind != 'f' || type.size != sizeof(double) || swap) return decoder(type)(read_bytes(entry), swap);
   std::vector<double> values(entry.left() / sizeof(double));
   entry.read(values.data(), values.size() * sizeof(double));
   return values;
@@ -315,7 +315,7 @@ Array read_array(zip_t* archive, zip_uint64_t index, const std::string& name, Cl
   NpyHeader header = read_header(entry, name);
   const auto type = type_from(header.descr);
   const bool is_text = type && (type->kind == 'U' || type->kind == 'S');
-  if (!is_text && !(type && number_reader(*type))) return {header.shape, Foreign{kind_in_words(header.descr)}};
+  if (!is_text && !(type && decoder(*type))) return {header.shape, Foreign{kind_in_words(header.descr)}};
 
   // Empty texts take no bytes, so the file size does not limit their number; 65536 are allowed.
   if (is_text && type->size > (std::uint64_t{1} << 32)) fail("data set '{}': type '{}' found", name, header.descr);

@@ -64,7 +64,7 @@ std::vector<double> numbers(const std::string& name, const Read& read) {
 }
 
 // Sample times with a smaller relative difference are equal up to rounding.
-constexpr double rounded = 1e-6;
+constexpr double alike = 1e-6;
 
 std::optional<double> in_times(const Names& names, Index steps, const Read& read) {
   for (const char* name : {"t", "time"}) {
@@ -86,14 +86,14 @@ std::optional<double> in_ts(const Names& names, const Read& read) {
 
 std::optional<std::string> contradiction(double dt, const Names& names, const Read& read) {
   const auto ts = in_ts(names, read);
-  if (!ts || std::abs(*ts - dt) <= rounded * dt) return std::nullopt;
+  if (!ts || std::abs(*ts - dt) <= alike * dt) return std::nullopt;
   return fmt::format("'dt' = {} and 'Ts' = {} differ. tokid uses 'dt'", dt, *ts);
 }
 
 SampleTime sample_time(const Names& names, Index steps, const Read& read) {
   const auto ts = in_ts(names, read), times = in_times(names, steps, read);
   SampleTime result{ts ? ts : times, {}};
-  if (ts && times && std::abs(*ts - *times) > rounded * *ts)
+  if (ts && times && std::abs(*ts - *times) > alike * *ts)
     result.remark = fmt::format("'Ts' = {} and the steps of {} between the times differ. tokid uses 'Ts'", *ts, *times);
   Names unused;
   std::copy_if(names.begin(), names.end(), std::back_inserter(unused), is_about_time);

@@ -105,7 +105,7 @@ double most_even(const Fit& fit, double apart) {
   return 0.5 * (low + high);
 }
 
-double rounded(double value, int digits) {
+double rounded_to(double value, int digits) {
   const std::string text = fmt::format("{:.{}g}", value, digits);
   double result = 0.0;
   std::from_chars(text.data(), text.data() + text.size(), result);
@@ -116,7 +116,7 @@ double rounded(double value, int digits) {
 // inverse (a frequency), among those whose spread is at most `most`.
 double with_few_digits(const Fit& fit, double dt, double most) {
   for (int digits = 1; digits <= 12; ++digits)
-    for (const double meant : {rounded(dt, digits), 1.0 / rounded(1.0 / dt, digits)})
+    for (const double meant : {rounded_to(dt, digits), 1.0 / rounded_to(1.0 / dt, digits)})
       if (spread(fit, meant) <= most) return meant;
   return dt;
 }
@@ -170,7 +170,7 @@ Nearest nearest_grid(const TimeColumn& rows, double dt) {
 // The spacing with few digits to whose steps all times can be moved; empty if there is none.
 std::optional<double> spacing_to_move_to(const TimeColumn& rows, double usual) {
   for (int digits = 1; digits <= 4; ++digits)
-    for (const double dt : {rounded(usual, digits), 1.0 / rounded(1.0 / usual, digits)})
+    for (const double dt : {rounded_to(usual, digits), 1.0 / rounded_to(1.0 / usual, digits)})
       if (dt > 0 && nearest_grid(rows, dt).is_near() && std::abs(dt - usual) < farthest * usual) return dt;
   return std::nullopt;
 }
@@ -230,13 +230,13 @@ Index other_uneven_files(const TimeColumn& rows, size_t row) {
 void check_all_steps(const TimeColumn& rows, const Fit& fit, std::optional<double> stated, std::string_view name) {
   constexpr double most = 9007199254740992.0;  // 2^53: doubles represent all whole numbers up to here
   if (!(fit.step.back() < most)) return;
-  struct Steps {
+  struct Group {
     double last = -1.0, common = 0.0;
     int rows = 0;
   };
-  std::vector<Steps> groups(stated ? 1 : rows.experiments.size());
+  std::vector<Group> groups(stated ? 1 : rows.experiments.size());
   for (size_t i = 0; i < fit.step.size(); ++i) {
-    Steps& group = groups[stated ? 0 : size_t(rows.experiment[fit.row[i]])];
+    Group& group = groups[stated ? 0 : size_t(rows.experiment[fit.row[i]])];
     if (fit.step[i] == group.last) continue;
     if (++group.rows > 1)
       group.common = double(std::gcd(std::int64_t(group.common), std::int64_t(fit.step[i] - group.last)));
