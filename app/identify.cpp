@@ -79,6 +79,7 @@ bool decided_after_em(const Identification& result) {
 Trial state_trial(const Identification& result) {
   const OrderScores& found = result.order_scores;
   Trial trial{"n", found.states, {}, found.best};
+  if (found.states.empty()) return trial;
   for (size_t h = 0; h < found.horizons.size(); ++h) {
     const std::string steps = h == 0 ? "one" : fmt::format("{}", found.horizons[h]);
     const Vector errors = found.errors.col(Index(h)).array().exp();
@@ -124,7 +125,7 @@ Json json(const RegressionComparison& comparison) {
           {"smoothing", json_penalty(comparison.smoothing)}};
 }
 
-// null if nothing was tried. Errors are weighted geometric means of the one-step, many-step and simulation errors.
+// null if nothing was tried.
 Json json(const RefinementChoice& choice) {
   if (choice.trials.empty() && choice.jumps.empty()) return {};
   Json j{{"states", choice.states},
@@ -267,7 +268,7 @@ void add_refinement(const Identification& result, Page& page) {
   if (choice.trials.empty()) return;
   const double before = std::exp(choice.trials.front().error), after = std::exp(choice.error);
   const bool dropped = std::any_of(result.findings.begin(), result.findings.end(), [](const Finding& finding) {
-    return finding.kind == Finding::Kind::em_worse_one_step || finding.kind == Finding::Kind::em_worse_simulation;
+    return finding.kind == Finding::Kind::em_worse_one_step || finding.kind == Finding::Kind::em_worse_ahead;
   });
   page.row("Refinement", choice.iterations > 0
                              ? fmt::format("EM, {}, lambda = {}: cross-validation error {} instead of {}",
@@ -363,7 +364,8 @@ void add_result(const IdentifyCall& call, const Identification& result, Page& pa
                                         result.rank_deficient_steps, plural(result.steps, "step")));
 }
 
-std::string report(const IdentifyCall& call, const Data& data, const Identification& result, const Judgement& judgement) {
+std::string report(const IdentifyCall& call, const Data& data, const Identification& result,
+                   const Judgement& judgement) {
   Page page;
   page.row("Data", fmt::format("{}: {} of {}, {}, {}, dt = {:.6g} s", call.data.string(),
                                plural(data.experiments, "experiment"), plural(data.steps, "step"),
@@ -512,7 +514,8 @@ Judgement judged(const IdentifyCall& call, const Ensemble& data, const Identific
   }
 }
 
-void print_result(const IdentifyCall& call, const Data& data, const Identification& result, const Judgement& judgement) {
+void print_result(const IdentifyCall& call, const Data& data, const Identification& result,
+                  const Judgement& judgement) {
   if (call.json)
     print(json(call, data, result, judgement));
   else if (!call.quiet)

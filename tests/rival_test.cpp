@@ -75,6 +75,31 @@ TEST(HeldOutErrors, OfOneOutputDoNotSpoilThoseOfTheOthers) {
 }
 
 // The standard errors are those of the jackknife but for terms of higher order.
+// An output of weight zero, here of noise alone, neither counts nor limits how exact the others may be.
+TEST(HeldOutErrors, OfOutputsWithoutWeightDoNotCount) {
+  Squares one(6, 2), both(6, 4);
+  for (Index n = 0; n < 6; ++n)
+    for (Index i = 0; i < 2; ++i) {
+      both.errors(n, 2 * i) = one.errors(n, i) = 1e-12 * double(n + 1);
+      both.errors(n, 2 * i + 1) = both.outputs(n, 2 * i + 1) = both.outputs(n, 2 * i) = one.outputs(n, i) = 1.0;
+    }
+  const HeldOutError alone = held_out_error(one, Vector::Ones(1)), beside = held_out_error(both, Vector{{1.0, 0.0}});
+  EXPECT_EQ(beside.value, alone.value);
+  EXPECT_EQ(beside.influence, alone.influence);
+}
+
+// A model that diverges is worse than any other, but its error is finite: a search over n does not end there.
+TEST(HeldOutErrors, OfModelsThatDivergeOrPredictNothingAreFinite) {
+  Squares diverged(3, 1), nothing(3, 1);
+  diverged.errors.setConstant(std::numeric_limits<double>::infinity());
+  diverged.outputs.setOnes();
+  const HeldOutError error = held_out_error(diverged, Vector::Ones(1));
+  EXPECT_GT(error.value, std::log(1e11));
+  EXPECT_TRUE(std::isfinite(error.value) && error.influence.allFinite());
+  EXPECT_EQ(held_out_error(nothing, Vector::Ones(1)).value, error.value);
+  EXPECT_TRUE(std::isinf(infinite_error({0, {1, 5}}, 3).value));
+}
+
 TEST(HeldOutErrors, OfHorizonsAreMeansOverTheOutputs) {
   RandomNumbers random(5);
   const Index count = 400;

@@ -107,7 +107,7 @@ struct Finding {
     model_errs_ahead,         // numbers: share, horizon
     em_unreliable,            // EM predicts all experiments worse than it predicted the held-out ones
     em_worse_one_step,        // the result of EM was dropped
-    em_worse_simulation,      // the result of EM was dropped
+    em_worse_ahead,           // the result of EM was dropped
     em_no_noise,              // Q and R are at their floors
     em_no_measurement_noise,  // R is at its floor
     em_no_process_noise,      // Q is at its floor

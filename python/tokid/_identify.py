@@ -41,7 +41,7 @@ def identify(
     delays: Union[int, str, Sequence[int]] = "auto",
     weighting: str = "auto",
     output_weights: Union[str, Sequence[float]] = "equal",
-    horizons: Sequence[int] = (1, 5, 20),
+    horizons: Union[int, str, Sequence[int]] = (1, 5, 20),
     refine: Union[bool, str, None] = None,
     initial_state: str = "auto",
     nominal: str = "auto",
@@ -109,7 +109,7 @@ def identify(
         n. EM itself maximises the likelihood, whatever the weights are. "equal": all outputs count alike.
     horizons : sequence of int
         Steps ahead, ascending from 1 on, of the predictions whose errors choose states, EM and regressions. Those
-        beyond half of the record do not count.
+        beyond half of the scored steps do not count.
     refine : bool, "auto" or None
         Maximum likelihood by EM, as far as it lowers the cross-validation error. "auto" or None: for noisy data with the
         subspace realisation.

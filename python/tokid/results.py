@@ -661,7 +661,8 @@ class OrderScores(_Result):
     horizons : list of int
         Steps ahead.
     errors : ndarray, shape (candidates, horizons)
-        Log of the RMS error over the RMS of the departures, mean over the outputs.
+        Log of the RMS error over the RMS of the departures, mean over the outputs with their weights. Beyond one step
+        at most 0, the error of predicting no departure.
     cross_validated : bool
         True: cross-validation errors. False: errors on the training data.
     smoothing : float

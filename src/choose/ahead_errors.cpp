@@ -5,6 +5,8 @@
 #include <cmath>
 
 #include "base/nan.hpp"
+#include "choose/held_out_error.hpp"
+#include "tokid/parallel.hpp"
 
 namespace tokid {
 
@@ -86,6 +88,28 @@ AheadErrors ahead_errors(const Model& model, const Ensemble& predicted, const st
     }
   }
   return result;
+}
+
+AheadCertainty ahead_certainty(const std::vector<Model>& models, const std::vector<const Ensemble*>& held_out,
+                               Index folds, InitialState initial, int threads) {
+  constexpr Index horizon = AheadCertainty::horizon;
+  std::vector<AheadErrors> errors(models.size());
+  parallel_for(0, Index(models.size()), {threads, {}}, [&](Index begin, Index end) {
+    for (size_t f = size_t(begin); f < size_t(end); ++f) {
+      const Ensemble& measured = *held_out[f];
+      const Index h = std::min(horizon, std::max<Index>(1, measured.steps() - 1));
+      const auto predicted = [&](size_t g) {
+        return predict(of_departures(models[g], measured), measured, {h, initial}).y;
+      };
+      std::vector<Ensemble> by_others;
+      for (size_t g = 0; g < models.size(); ++g)
+        if (g != f) by_others.push_back(predicted(g));
+      errors[f] = ahead_errors(models[f], predicted(f), by_others, folds, measured, horizon);
+    }
+  });
+  AheadErrors sum;
+  for (const AheadErrors& fold : errors) sum += fold;
+  return {sum.ratio(), sum.model_share()};
 }
 
 }  // namespace tokid

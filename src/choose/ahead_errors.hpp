@@ -4,6 +4,7 @@
 
 #include <vector>
 
+#include "tokid/choices.hpp"
 #include "tokid/ensemble.hpp"
 #include "tokid/model.hpp"
 
@@ -30,5 +31,9 @@ struct AheadErrors {
 // that of the jackknife. The steps from the first one of the model + H on count.
 AheadErrors ahead_errors(const Model& model, const Ensemble& predicted, const std::vector<Ensemble>& by_others,
                          Index folds, const Ensemble& measured, Index horizon);
+
+// The certainty of the models of folds, of `folds` in total. `held_out`: the experiments that each model has not seen
+AheadCertainty ahead_certainty(const std::vector<Model>& models, const std::vector<const Ensemble*>& held_out,
+                               Index folds, InitialState initial, int threads);
 
 }  // namespace tokid

@@ -7,7 +7,8 @@
 #include <stdexcept>
 #include <utility>
 
-#include "choose/folds.hpp"
+#include "choose/held_out_error.hpp"
+#include "choose/refinement.hpp"
 #include "linalg/symmetric.hpp"
 #include "tokid/em.hpp"
 #include "tokid/linalg.hpp"

@@ -3,12 +3,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
-#include "base/nan.hpp"
+#include "choose/first_steps.hpp"
 #include "data/output_weights.hpp"
 #include "tokid/plan.hpp"
-#include "tokid/validate.hpp"
 
 namespace tokid {
 
@@ -46,8 +44,8 @@ Index Folds::refined_folds(Index experiments) {
 Folds::Folds(const Ensemble& ensemble, const Options& options)
     : options_(options), experiments_(ensemble.experiments()) {
   const Index count = fold_count(ensemble.experiments());
-  ahead_.from = first_scored(options.initial_state, options.lags, options.variation.period);
-  ahead_.horizons = horizons_within(options.horizons, ensemble.steps() - ahead_.from);
+  const Index period = options.variation.period;
+  ahead_ = ahead_in(ensemble, first_scored(options.initial_state, options.lags, period), options.horizons, period);
   SmoothArxOptions arx_options;
   arx_options.lags = options.lags;
   arx_options.initial_state = options.initial_state;
@@ -81,23 +79,19 @@ void Folds::factorise(Index future) {
   });
 }
 
-HeldOutError Folds::error_of(size_t count, Index states, const std::function<Model(size_t)>& make, const Ahead& ahead,
-                             const Execution& execution, const std::vector<Predicted>& like) const {
-  std::vector<Squares> found(count);
-  std::vector<char> complete(count, 0);
-  parallel_for(0, Index(count), execution, [&](Index begin, Index end) {
-    for (Index f = begin; f < end; ++f) {
-      Model model = make(size_t(f));
+HeldOutError Folds::error_of(Index states, Weighting weighting, double smoothing, const Execution& execution) const {
+  std::vector<Squares> found(folds_.size());
+  std::vector<char> complete(folds_.size(), 0);
+  parallel_for(0, Index(folds_.size()), execution, [&](Index begin, Index end) {
+    for (size_t f = size_t(begin); f < size_t(end); ++f) {
+      Model model = start(f, states, weighting, smoothing);
       if (model.steps() == 0 || model.states() != states) continue;
-      const Ensemble& held_out = folds_[size_t(f)].data.held_out;
-      found[size_t(f)] = squares_of(predicted_by(std::move(model), held_out, options_.initial_state, ahead), held_out,
-                                    ahead, size_t(f) < like.size() ? &like[size_t(f)] : nullptr);
-      complete[size_t(f)] = 1;
+      const Ensemble& held_out = folds_[f].data.held_out;
+      found[f] = squares_of(predicted_by(std::move(model), held_out, options_.initial_state, ahead_), held_out, ahead_);
+      complete[f] = 1;
     }
   });
-  constexpr double none = std::numeric_limits<double>::infinity();
-  if (std::find(complete.begin(), complete.end(), 0) != complete.end())
-    return {none, Vector::Constant(Index(ahead.horizons.size()), none), {}};
+  if (std::find(complete.begin(), complete.end(), 0) != complete.end()) return infinite_error(ahead_, experiments_);
   return held_out_error(joined(found), weights_of(options_.output_weights, folds_.front().arx.outputs));
 }
 
@@ -119,6 +113,32 @@ std::vector<Model> Folds::models_of(const OrderScores& scores) const {
   return models;
 }
 
+std::vector<FoldStart> Folds::starts(Index states, const OrderScores& scores) const {
+  std::vector<FoldStart> result(size_t(refined_folds(experiments_)));
+  parallel_for(0, Index(result.size()), {options_.execution.threads, {}}, [&](Index begin, Index end) {
+    for (size_t f = size_t(begin); f < size_t(end); ++f) {
+      const Split& data = folds_[f].data;
+      Model model = start(f, states, scores.weighting, scores.smoothing);
+      result[f] = {&data, model, with_first_steps(model, data.training, options_.initial_state, 1)};
+    }
+  });
+  return result;
+}
+
+RefinementSettings Folds::refinement_settings() const {
+  RefinementSettings s;
+  s.em.period = options_.variation.period;
+  s.em.initial_state = options_.initial_state;
+  s.em.feedthrough = options_.feedthrough;
+  s.em.jumps = options_.variation.jumps;
+  s.smoothing = options_.variation.smoothing;
+  s.output_weights = weights_of(options_.output_weights, folds_.front().arx.outputs);
+  s.ahead = ahead_;
+  s.folds = Index(folds_.size());
+  s.threads = options_.execution.threads;
+  return s;
+}
+
 std::vector<Squares> Folds::squares(const std::vector<Model>& models, const Ahead& ahead) const {
   std::vector<Squares> result(models.size());
   parallel_for(0, Index(models.size()), {options_.execution.threads, {}}, [&](Index begin, Index end) {
@@ -137,10 +157,7 @@ OrderScores Folds::scores(Weighting weighting, double smoothing, Index least, In
                           const Execution& execution) const {
   std::map<Index, HeldOutError> found;
   const auto error = [&](Index n) {
-    if (!found.contains(n))
-      found.emplace(
-          n, error_of(
-                 folds_.size(), n, [&](size_t f) { return start(f, n, weighting, smoothing); }, ahead_, execution));
+    if (!found.contains(n)) found.emplace(n, error_of(n, weighting, smoothing, execution));
     return found.at(n).value;
   };
   Index best = least;

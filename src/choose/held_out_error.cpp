@@ -11,6 +11,14 @@
 
 namespace tokid {
 
+namespace {
+
+// The largest share of squared errors one step ahead: of a model that diverges. More steps ahead it is 1, that of the
+// mean motion.
+constexpr double diverged = 1e24;
+
+}  // namespace
+
 void Squares::add(Index i, const ConstMatrixRef& predicted, const Ensemble& measured, Index k) {
   const Index m = measured.outputs();
   const auto y = measured.output(k);
@@ -36,9 +44,9 @@ Index first_scored(InitialState initial, Index lags, Index period) {
   return initial == InitialState::zero ? 0 : period > 0 ? lags : 2 * lags;
 }
 
-std::vector<Index> horizons_within(std::vector<Index> horizons, Index steps) {
-  std::erase_if(horizons, [&](Index h) { return h > 1 && 2 * h > steps; });
-  return horizons;
+Ahead ahead_in(const Ensemble& data, Index from, std::vector<Index> horizons, Index period) {
+  std::erase_if(horizons, [&](Index h) { return h > 1 && 2 * h > data.steps() - from; });
+  return {from, std::move(horizons), period > 1 || data.missing() > 0 ? 1 : 2};
 }
 
 Model of_departures(Model model, const Ensemble& data) {
@@ -78,24 +86,35 @@ HeldOutError held_out_error(const Squares& s, const Vector& weights) {
   HeldOutError result{0.0, Vector::Zero(horizons), Vector::Zero(s.errors.rows())};
   const double count = double(s.errors.rows());
   for (Index i = 0; i < horizons; ++i) {
+    const double cap = i > 0 ? 1.0 : diverged;
     Vector share = Vector::Zero(m);
-    for (Index j = 0; j < m; ++j)
-      if (const double y = s.outputs.col(i * m + j).sum(); y > 0) share(j) = s.errors.col(i * m + j).sum() / y;
-    if (i > 0) share = share.cwiseMin(1.0);  // of predictions of the mean motion
+    bool any = false;
+    for (Index j = 0; j < m; ++j) {
+      const double y = s.outputs.col(i * m + j).sum();
+      if (!(y > 0 && weights(j) > 0)) continue;
+      any = true;
+      share(j) = s.errors.col(i * m + j).sum() / y;
+      if (!(share(j) < cap)) share(j) = cap;
+    }
+    if (!any && i == 0) result.of_horizon(0) = 0.5 * std::log(diverged);  // the model predicts nothing
     const double least = std::max(1e-300, least_counted * least_counted * share.maxCoeff());
     for (Index j = 0; j < m; ++j) {
       const Index c = i * m + j;
       const double y = s.outputs.col(c).sum(), weight = weights(j) / weights.sum();
-      if (!(y > 0) || (i > 0 && share(j) >= 1)) continue;
+      if (!(y > 0 && weight > 0)) continue;
       result.of_horizon(i) += weight * 0.5 * std::log(std::max(share(j), least));
-      if (share(j) < least) continue;
+      if (share(j) < least || share(j) >= cap) continue;
       result.influence +=
           weight / double(horizons) * 0.5 * count * (s.errors.col(c) / s.errors.col(c).sum() - s.outputs.col(c) / y);
     }
   }
   result.value = result.of_horizon.mean();
-  if (std::isnan(result.value)) result.value = std::numeric_limits<double>::infinity();
   return result;
+}
+
+HeldOutError infinite_error(const Ahead& ahead, Index experiments) {
+  const Vector none = Vector::Constant(Index(ahead.horizons.size()), std::numeric_limits<double>::infinity());
+  return {none(0), none, Vector::Zero(experiments)};
 }
 
 HeldOutErrors errors_at_horizons(const Squares& s, const Vector& weights) {

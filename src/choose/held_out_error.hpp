@@ -14,6 +14,10 @@ namespace tokid {
 // of an exact output, such as a recorded command, would outweigh the errors of all other outputs.
 inline constexpr double least_counted = 1e-3;
 
+// A larger order must reduce the error of subspace models by the factor `worth_it`. If the errors are uncertain, the
+// required factor is higher, but at most `most_uncertain`.
+inline constexpr double worth_it = 1.005, most_uncertain = 1.02;
+
 // Squared errors and squared outputs of each experiment (N × H·m), at the horizons one after the other.
 struct Squares {
   Matrix errors, outputs;
@@ -39,13 +43,15 @@ Index first_scored(InitialState initial, Index lags, Index period);
 struct Ahead {
   Index from = 0;               // first step that is predicted
   std::vector<Index> horizons;  // ascending, the first is 1
+  Index every = 2;              // predictions of more than one step begin at every so many steps
 
   // Do predictions of all horizons begin at this step of so many? One step ahead, they begin at every step.
-  bool all_begin(Index step, Index steps) const { return step % 2 == 0 && step + horizons.back() <= steps; }
+  bool all_begin(Index step, Index steps) const { return step % every == 0 && step + horizons.back() <= steps; }
 };
 
-// Without those beyond half of the steps.
-std::vector<Index> horizons_within(std::vector<Index> horizons, Index steps);
+// The horizons that are at most half of the steps from `from` on; 1 always stays. Predictions begin at every step if
+// the steps differ by their phase or by missing samples.
+Ahead ahead_in(const Ensemble& data, Index from, std::vector<Index> horizons, Index period);
 
 Model of_departures(Model model, const Ensemble& data);  // with a mean motion of zero
 // The outputs that a model of departures predicts.
@@ -61,6 +67,8 @@ struct HeldOutError {
   Vector of_horizon;  // (H) whose mean is `value`
   Vector influence;   // (N) derivative of `value` with respect to the weight of each experiment; its mean is zero
 };
+// The error where a fold has no model.
+HeldOutError infinite_error(const Ahead& ahead, Index experiments);
 // Standard error of the difference of two errors.
 double standard_error(const HeldOutError& a, const HeldOutError& b);
 // Is error a smaller than b by more than so many standard errors of their difference?

@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "base/statistics.hpp"
-#include "choose/folds.hpp"
+#include "choose/held_out_error.hpp"
 #include "data/channel_sizes.hpp"
 #include "linalg/symmetric.hpp"
 #include "tokid/smooth_arx.hpp"

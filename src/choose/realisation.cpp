@@ -57,10 +57,10 @@ Plan as_asked(const Ensemble& data, Plan plan, const IdentifyOptions& o) {
   return plan;
 }
 
-// Predictions of so many steps. Before `from`, the observers have not settled.
-Ahead ahead_of(const Plan& plan, Index steps, const IdentifyOptions& options) {
-  const Index from = first_scored(plan.initial_state, plan.lags, plan.choices.variation.period);
-  return {from, horizons_within(options.horizons, steps - from)};
+// The predictions that count in these data. Before `from`, the observers have not settled.
+Ahead ahead_of(const Plan& plan, const Ensemble& data, const IdentifyOptions& options) {
+  const Index period = plan.choices.variation.period;
+  return ahead_in(data, first_scored(plan.initial_state, plan.lags, period), options.horizons, period);
 }
 
 // `like`: as in squares_of()
@@ -85,7 +85,7 @@ OrderScores score_orders(const Ensemble& data, const GtvArx& arx, const Markov& 
   // samples.
   scores.price = 2.0 / 3 * double(data.channels()) / double(data.outputs() * data.experiments());
   const Index most = std::min(plan.lags * data.outputs(), o.cols * data.inputs());
-  const Ahead ahead = ahead_of(plan, scored.steps(), options);
+  const Ahead ahead = ahead_of(plan, scored, options);
   scores.horizons = ahead.horizons;
   Index best = 0;
   for (Index n = 1; n <= most; ++n) {
@@ -178,7 +178,7 @@ void refine_if_better(const Ensemble& data, const GtvArx& arx, const RefinementC
   const Plan plain = result.plan;
   const Index period = plain.choices.variation.period;
   const double allowed = std::log(tolerated);
-  const Ahead ahead = ahead_of(plain, data.steps(), options);
+  const Ahead ahead = ahead_of(plain, data, options);
   const Predicted start = predicted_by(result.model, data, plain.initial_state, ahead);
   const HeldOutError before = error_of(start, data, ahead, plain);
   result.refinement = choice;
@@ -228,7 +228,7 @@ void refine_if_better(const Ensemble& data, const GtvArx& arx, const RefinementC
     result.refinement.iterations = result.plan.choices.refinement_iterations;
     return;
   }
-  result.findings.push_back({.kind = one_step ? Finding::Kind::em_worse_simulation : Finding::Kind::em_worse_one_step});
+  result.findings.push_back({.kind = one_step ? Finding::Kind::em_worse_ahead : Finding::Kind::em_worse_one_step});
   result.plan.choices.refinement_smoothing = choice.smoothing;
   result.refinement.iterations = 0;
   result.refinement.ahead = choice.ahead_without_em;
@@ -319,7 +319,10 @@ ChosenByFolds chosen_by_folds(BegunByFolds begun, const std::vector<Squares>& of
   // A stated λ is the λ of the ARX model, not of EM. Only a stated λ of 0 is also the λ of EM.
   const std::optional<double> stated = options.smoothing == 0.0 ? options.smoothing : std::nullopt;
   if (before_em) before_em(result.start, plan);
-  result.refinement = begun.folds.choose_refinement(plan.states, !options.states, begun.scores, stated, work);
+  RefinementSettings settings = begun.folds.refinement_settings();
+  settings.stated = stated;
+  const auto starts = [&](Index states) { return begun.folds.starts(states, begun.scores); };
+  result.refinement = choose_refinement(plan.states, !options.states, starts, settings, work);
   if (ahead) result.squares = begun.folds.squares(result.refinement->models, *ahead);
   return result;
 }

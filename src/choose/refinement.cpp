@@ -1,21 +1,22 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include "choose/refinement.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <memory>
-#include <numeric>
+#include <stdexcept>
 #include <utility>
 
 #include "base/words.hpp"
 #include "choose/ahead_errors.hpp"
-#include "choose/first_steps.hpp"
-#include "choose/folds.hpp"
 #include "noise/em.hpp"
-#include "tokid/em.hpp"
 
 namespace tokid {
 
 namespace {
+
+constexpr double infinity = std::numeric_limits<double>::infinity();
 
 // An attempt may have smaller errors than the likeliest one if its likelihood is lower by less than `significant`
 // standard errors. The search for λ goes on while the likelihood rises by more than `noticeable` ones. Fewer states may
@@ -27,7 +28,8 @@ const double half_decade = std::sqrt(10.0);
 constexpr double usual = 3.0, first_least = 1e-2, first_most = 1e2, largest = 320.0;
 // The most half decades that a search goes in one direction.
 constexpr Index most_moves = 6;
-// Attempts whose errors are larger by this factor are given up.
+// Attempts whose errors are larger by this factor are given up. Attempts with another λ converge at another rate, so
+// that smaller differences after few iterations tell nothing.
 constexpr double hopeless = 2.0;
 // The search comes to a λ on several ways, with different rounding errors.
 bool same_smoothing(double a, double b) { return std::abs(a - b) <= 1e-6 * std::max(a, b); }
@@ -45,11 +47,13 @@ Stage stage_after(Index done, bool shared) {
   return {std::max(shared ? warmed_up : first_iterations, done), done < warmed_up};
 }
 
+bool is_shared(const RefineOptions& o) { return o.period.value_or(0) > 0; }
+
 // All attempts have the stages up to here. If steps do not share their matrices, the best attempts then go on. If steps
 // share their matrices, EM needs many iterations, but an iteration takes less time. With a jump, a large λ shows only
 // after more iterations that it is the best.
 Index first_end(const RefineOptions& o) {
-  return o.period.value_or(0) > 0 ? 4 * warmed_up : o.jumps.empty() ? warmed_up : 2 * warmed_up;
+  return is_shared(o) ? 4 * warmed_up : o.jumps.empty() ? warmed_up : 2 * warmed_up;
 }
 
 Refinement refined_in(const Stage& stage, const Model& start, const Ensemble& data, std::optional<em::Data>& samples,
@@ -58,43 +62,6 @@ Refinement refined_in(const Stage& stage, const Model& start, const Ensemble& da
   o.warm_up = stage.warm_up;
   return em::refine(start, data, samples, o);
 }
-
-}  // namespace
-
-// Log-likelihoods of the held-out experiments of all folds.
-class Folds::Likelihood {
- public:
-  Likelihood() = default;
-  explicit Likelihood(const std::vector<Vector>& folds) {
-    for (const Vector& fold : folds) of_experiment_.insert(of_experiment_.end(), fold.begin(), fold.end());
-  }
-
-  // -∞ if there is none, or not a finite one.
-  double sum() const {
-    const double all = std::accumulate(of_experiment_.begin(), of_experiment_.end(), 0.0);
-    return of_experiment_.empty() || !std::isfinite(all) ? -std::numeric_limits<double>::infinity() : all;
-  }
-  double mean() const { return sum() / std::max(1.0, double(of_experiment_.size())); }
-  // The difference of the sums, in units of its standard error over the experiments. ±∞ if one sum is not finite.
-  double advantage(const Likelihood& other) const {
-    if (!std::isfinite(sum())) return -std::numeric_limits<double>::infinity();
-    if (!std::isfinite(other.sum())) return std::numeric_limits<double>::infinity();
-    const double count = double(of_experiment_.size()), difference = sum() - other.sum();
-    double square = 0.0;
-    for (size_t i = 0; i < of_experiment_.size(); ++i)
-      square += std::pow(of_experiment_[i] - other.of_experiment_[i] - difference / count, 2);
-    return difference / std::sqrt(std::max(square * count / std::max(1.0, count - 1), 1e-300));
-  }
-
-  bool surely_below(const Likelihood& other) const {
-    return advantage(other) < -errors_to_give_up(Index(of_experiment_.size()));
-  }
-
- private:
-  std::vector<double> of_experiment_;
-};
-
-namespace {
 
 // The least variance of each output's noise that counts in a likelihood, from one-step predictions. Otherwise an output
 // that is exact, or exact up to a few digits, would decide alone.
@@ -116,60 +83,89 @@ Vector log_likelihoods_with(const Vector& variances, Model model, const Ensemble
   return log_likelihoods(model, data);
 }
 
-}  // namespace
+// The log-likelihoods of held-out experiments; empty if EM failed. -∞ without a finite sum.
+double sum_of(const Vector& likelihood) {
+  return likelihood.size() > 0 && likelihood.allFinite() ? likelihood.sum() : -infinity;
+}
+
+// The difference of the sums, in units of its standard error over the experiments. ±∞ if one sum is not finite.
+double advantage(const Vector& a, const Vector& b) {
+  if (std::isinf(sum_of(a))) return -infinity;
+  if (std::isinf(sum_of(b))) return infinity;
+  const Eigen::ArrayXd difference = a - b;
+  const double count = double(difference.size()), square = (difference - difference.mean()).square().sum();
+  return difference.sum() / std::sqrt(std::max(square * count / std::max(1.0, count - 1), 1e-300));
+}
+
+// EM of all folds with one λ, after so many iterations.
+struct Attempt {
+  double smoothing = 0.0;
+  Index iterations = 0;
+  bool converged = false;  // on all folds
+  HeldOutError errors;
+  Vector likelihood;  // as in sum_of()
+  std::vector<Model> models;
+
+  double error() const { return errors.value; }
+  double sum() const { return sum_of(likelihood); }
+};
+
+double advantage(const Attempt& a, const Attempt& b) { return advantage(a.likelihood, b.likelihood); }
+
+const Attempt& likeliest(const std::vector<Attempt>& attempts) {
+  const auto less = [](const Attempt& a, const Attempt& b) { return a.sum() < b.sum(); };
+  return *std::max_element(attempts.begin(), attempts.end(), less);
+}
+
+const Attempt& least_error(const std::vector<Attempt>& attempts) {
+  const auto smaller = [](const Attempt& a, const Attempt& b) { return a.error() < b.error(); };
+  return *std::min_element(attempts.begin(), attempts.end(), smaller);
+}
 
 // The cross-validation of EM with one number of states.
-class Folds::RefinementSearch {
+class Search {
  public:
   // `trials`: of all searches, to which this one adds its own.
-  RefinementSearch(const Folds& folds, Index states, const OrderScores& scores, std::vector<Index> jumps,
-                   SearchProgress& work, std::vector<RefinementTrial>& trials)
-      : folds_(folds),
+  Search(std::vector<FoldStart> starts, Index states, std::vector<Index> jumps, const RefinementSettings& settings,
+         SearchProgress& work, std::vector<RefinementTrial>& trials)
+      : settings_(settings),
+        states_(states),
+        jumps_(std::move(jumps)),
+        starts_(std::move(starts)),
         work_(work),
         trials_(trials),
-        jumps_(std::move(jumps)),
-        count_(size_t(refined_folds(folds.experiments_))),
-        starts_(count_),
-        without_em_(count_),
-        samples_(count_),
-        like_(count_),
-        least_variance_(count_) {
-    choice_.states = states;
+        samples_(starts_.size()),
+        like_(starts_.size()),
+        least_variance_(starts_.size()) {
     for_each_fold([&](size_t f) {
-      starts_[f] = folds_.start(f, states, scores.weighting, scores.smoothing);
-      const Split& data = folds_.folds_[f].data;
-      without_em_[f] = with_first_steps(starts_[f], data.training, folds_.options_.initial_state, 1);
       // EM can predict samples after missing samples that subspace models cannot predict. These samples are not
       // compared.
-      like_[f] =
-          predicted_by(without_em_[f], data.held_out, folds_.options_.initial_state, {0, folds_.ahead_.horizons});
-      least_variance_[f] = least_variance(like_[f].front(), data.held_out);
+      const Ensemble& held_out = starts_[f].data->held_out;
+      like_[f] = predicted_by(starts_[f].without_em, held_out, initial_state(), from_start());
+      least_variance_[f] = least_variance(like_[f].front(), held_out);
     });
-    choice_.error = errors(without_em_, 0).value;
-    trials_.push_back({.states = states, .error = choice_.error});
+    without_em_ = errors(models_without_em(), from_start());
+    trials_.push_back({.states = states, .error = without_em_.value});
   }
 
-  // EM with this λ; without one, with those of a search.
-  void run(std::optional<double> smoothing) {
-    if (folds_.options_.variation.period == 1) smoothing = 0.0;
-    work_.begin(words::plural(choice_.states, "state"));
-    if (smoothing)
-      attempt(*smoothing);
+  // EM with the λ that is stated; without one, with those of a search.
+  void run() {
+    begin();
+    if (settings_.em.period == 1)
+      attempt(0.0);
+    else if (settings_.stated)
+      attempt(*settings_.stated);
     else
       search();
-    finish();
+    finish(nullptr);
   }
 
   // EM with the λ of a search with more states. It is given up at the end of a stage that leaves it no chance against
-  // them, and goes on if it does not suffice yet.
-  void run_beside(const RefinementSearch& more) {
-    work_.begin(words::plural(choice_.states, "state"));
-    tried_.push_back(more.smoothing());
+  // them. After the first stages, it goes on if it does not suffice yet.
+  void run_beside(const Search& more) {
+    begin();
     bool excluded = false;
-    in_first_stages(more.smoothing(), [&](const Attempt& now) {
-      keep(now);
-      return !(excluded = more.excludes(now));
-    });
+    attempt(more.chosen().smoothing, [&](const Attempt& now) { return excluded = more.excludes(now); });
     if (excluded)
       attempts_.clear();
     else if (!suffices_for(more))
@@ -178,150 +174,174 @@ class Folds::RefinementSearch {
 
   // Gives EM up if it is lost. Otherwise drops needless jumps, and lets the attempts go on. `more`: the search with
   // more states that these are to suffice for.
-  void finish(const RefinementSearch* more = nullptr) {
+  void finish(const Search* more) {
     if (lost()) attempts_.clear();
-    if (attempts_.empty() || folds_.pooled() || raced_) return;
+    if (attempts_.empty() || shared() || raced_) return;
     drop_needless_jumps();
     race(more);
     raced_ = true;
   }
 
   const std::vector<Index>& jumps() const { return jumps_; }
-  double smoothing() const { return chosen()->smoothing; }
   // Are the errors smaller than those of the subspace models?
-  bool helps() const { return !attempts_.empty() && chosen()->error() < choice_.error; }
-  bool suffices_for(const RefinementSearch& more) const {
-    return !attempts_.empty() && chosen()->error() < more.chosen()->error() + std::log(most_uncertain) &&
-           (folds_.pooled() || chosen()->likelihood.advantage(more.chosen()->likelihood) > -noticeable);
+  bool helps() const { return !attempts_.empty() && chosen().error() < without_em_.value; }
+  bool suffices_for(const Search& more) const {
+    return !attempts_.empty() && chosen().error() < more.chosen().error() + std::log(most_uncertain) &&
+           (shared() || advantage(chosen(), more.chosen()) > -noticeable);
   }
 
   // The subspace models without EM.
-  RefinementOfFolds without_em() {
-    RefinementOfFolds result{choice_, without_em_};
-    result.choice.ahead = result.choice.ahead_without_em = certainty(without_em_);
-    if (!attempts_.empty()) result.choice.smoothing = smoothing();
+  RefinementOfFolds without_em() const {
+    RefinementOfFolds result{chosen_without_em(), models_without_em()};
+    result.choice.ahead = result.choice.ahead_without_em;
+    if (!attempts_.empty()) result.choice.smoothing = chosen().smoothing;
     return result;
   }
 
   // EM is used if it improves on its start and on these subspace models, which it replaces. If the best attempt does
   // not, the attempt with the smallest errors may.
-  std::optional<RefinementOfFolds> better_than(const RefinementSearch& plain) {
+  std::optional<RefinementOfFolds> better_than(const Search& plain) const {
     if (attempts_.empty()) return std::nullopt;
-    choice_.ahead_without_em = certainty(plain.without_em_);
-    for (const Attempt* attempt : {chosen(), least_error()}) {
-      const HeldOutError after = errors(attempt->models, folds_.ahead_.from);
-      if (!improves(*attempt, after, *this) || (&plain != this && !improves(*attempt, after, plain))) continue;
-      choice_.smoothing = attempt->smoothing;
-      choice_.iterations = attempt->iterations;
-      for (const Index step : jumps_) choice_.jumps.push_back({step});
-      choice_.one_step = after.of_horizon(0);
-      choice_.error = attempt->error();
-      choice_.ahead = certainty(attempt->models);
-      return RefinementOfFolds{choice_, attempt->models};
+    for (const Attempt* a : {&chosen(), &least_error(attempts_)}) {
+      const HeldOutError after = errors(a->models, settings_.ahead);
+      if (!improves(*a, after, *this) || (&plain != this && !improves(*a, after, plain))) continue;
+      RefinementOfFolds result{plain.chosen_without_em(), a->models};
+      result.choice.states = states_;
+      result.choice.smoothing = a->smoothing;
+      result.choice.iterations = a->iterations;
+      result.choice.error = a->error();
+      result.choice.one_step = after.of_horizon(0);
+      for (const Index step : jumps_) result.choice.jumps.push_back({step});
+      result.choice.ahead = certainty(a->models);
+      return result;
     }
     return std::nullopt;
   }
 
  private:
-  // EM that did not fail.
-  struct Attempt {
-    double smoothing = 0.0;
-    Index iterations = 0;
-    bool converged = false;  // on all folds
-    HeldOutError errors;
-    Likelihood likelihood;
-    std::vector<Model> models;
+  bool shared() const { return is_shared(settings_.em); }
+  InitialState initial_state() const { return *settings_.em.initial_state; }
+  Ahead from_start() const { return {0, settings_.ahead.horizons, settings_.ahead.every}; }
+  void begin() { work_.begin(words::plural(states_, "state")); }
 
-    double error() const { return errors.value; }
-  };
+  // The number of held-out experiments.
+  Index experiments() const {
+    Index count = 0;
+    for (const FoldStart& fold : starts_) count += fold.data->held_out.experiments();
+    return count;
+  }
+
+  template <class Change>
+  void for_each_fold(Change&& change) const {
+    parallel_for(0, Index(starts_.size()), {settings_.threads, {}}, [&](Index begin, Index end) {
+      for (Index f = begin; f < end; ++f) change(size_t(f));
+    });
+  }
+
+  std::vector<Model> models_without_em() const {
+    std::vector<Model> models;
+    for (const FoldStart& fold : starts_) models.push_back(fold.without_em);
+    return models;
+  }
+
+  RefinementChoice chosen_without_em() const {
+    RefinementChoice choice;
+    choice.states = states_;
+    choice.error = without_em_.value;
+    choice.ahead_without_em = certainty(models_without_em());
+    return choice;
+  }
+
+  AheadCertainty certainty(const std::vector<Model>& models) const {
+    std::vector<const Ensemble*> held_out;
+    for (const FoldStart& fold : starts_) held_out.push_back(&fold.data->held_out);
+    return ahead_certainty(models, held_out, settings_.folds, initial_state(), settings_.threads);
+  }
+
+  // Infinite if a model has another number of states.
+  HeldOutError errors(const std::vector<Model>& models, const Ahead& ahead) const {
+    for (const Model& model : models)
+      if (model.steps() == 0 || model.states() != states_) return infinite_error(ahead, experiments());
+    std::vector<Squares> squares(models.size());
+    for_each_fold([&](size_t f) {
+      const Ensemble& held_out = starts_[f].data->held_out;
+      squares[f] = squares_of(predicted_by(models[f], held_out, initial_state(), ahead), held_out, ahead, &like_[f]);
+    });
+    return held_out_error(joined(squares), settings_.output_weights);
+  }
 
   // Does EM predict clearly better than these subspace models, and not clearly worse by one step? EM that has spoiled
   // its start needs more iterations. From unknown initial states it may also be better in the first steps alone.
   // `after`: the errors after them.
-  bool improves(const Attempt& attempt, const HeldOutError& after, const RefinementSearch& on) const {
-    const HeldOutError before = on.errors(on.without_em_, folds_.ahead_.from);
-    const double gain = before.value - after.value, from_start = on.choice_.error - attempt.error();
+  bool improves(const Attempt& attempt, const HeldOutError& after, const Search& on) const {
+    const HeldOutError before = on.errors(on.models_without_em(), settings_.ahead);
+    const double gain = before.value - after.value, from_start = on.without_em_.value - attempt.error();
     return after.of_horizon(0) <= before.of_horizon(0) + std::log(most_uncertain) &&
            gain >= -std::log(most_uncertain) && std::max(gain, from_start) >= std::log(worth_it);
   }
 
-  // Is the attempt clearly worse than the one with the same λ and as many iterations?
+  // Is the attempt with fewer states surely worse than the one with the same λ and as many iterations? If steps share
+  // their matrices, the errors decide, see chosen().
   bool excludes(const Attempt& fewer) const {
+    const double enough = errors_to_give_up(experiments());
     return std::any_of(attempts_.begin(), attempts_.end(), [&](const Attempt& own) {
       return same_smoothing(own.smoothing, fewer.smoothing) && own.iterations == fewer.iterations &&
-             (folds_.pooled() ? fewer.error() > own.error() + std::log(hopeless)
-                              : fewer.likelihood.surely_below(own.likelihood));
+             (shared() ? clearly_smaller(own.errors, fewer.errors, enough) : advantage(fewer, own) < -enough);
     });
   }
 
-  const Attempt* least_error() const {
-    const auto smaller = [](const Attempt& a, const Attempt& b) { return a.error() < b.error(); };
-    return &*std::min_element(attempts_.begin(), attempts_.end(), smaller);
-  }
-
-  static const Attempt* likeliest(const std::vector<Attempt>& attempts) {
-    const auto less = [](const Attempt& a, const Attempt& b) { return a.likelihood.sum() < b.likelihood.sum(); };
-    return &*std::max_element(attempts.begin(), attempts.end(), less);
+  // Beside another attempt after as many iterations.
+  bool is_hopeless(const Attempt& now) const {
+    return std::any_of(attempts_.begin(), attempts_.end(), [&](const Attempt& other) {
+      return other.iterations == now.iterations && now.error() > other.error() + std::log(hopeless);
+    });
   }
 
   // The attempt with the smallest errors of those whose likelihood does not differ significantly from the largest. With
   // few experiments, or noise that is not normal, the likelihood alone would decide too finely. If steps share their
   // matrices, there may be very few experiments. Their initial states would decide the likelihood, so the errors
   // decide.
-  const Attempt* chosen() const {
-    if (folds_.pooled()) return least_error();
-    const Attempt* best = likeliest(attempts_);
+  const Attempt& chosen() const {
+    if (shared()) return least_error(attempts_);
+    const Attempt* best = &likeliest(attempts_);
     for (const Attempt& a : attempts_)
       if (a.error() < best->error() && likely(a)) best = &a;
-    return best;
+    return *best;
   }
 
   // Is its likelihood not significantly below the largest?
-  bool likely(const Attempt& now) const {
-    return likeliest(attempts_)->likelihood.advantage(now.likelihood) < significant;
-  }
-
-  bool hopeless_beside_others(const Attempt& now) const {
-    return std::any_of(attempts_.begin(), attempts_.end(), [&](const Attempt& other) {
-      return other.iterations == now.iterations && now.error() > other.error() + std::log(hopeless);
-    });
-  }
+  bool likely(const Attempt& now) const { return advantage(now, likeliest(attempts_)) > -significant; }
 
   // Almost without noise, EM may spoil each start.
-  bool lost() const { return !attempts_.empty() && least_error()->error() > choice_.error + std::log(hopeless); }
-
-  template <class Change>
-  void for_each_fold(Change&& change) {
-    parallel_for(0, Index(count_), {folds_.options_.execution.threads, {}}, [&](Index begin, Index end) {
-      for (Index f = begin; f < end; ++f) change(size_t(f));
-    });
+  bool lost() const {
+    return !attempts_.empty() && least_error(attempts_).error() > without_em_.value + std::log(hopeless);
   }
 
   // Moves from λ to λ while the likelihood rises.
   void search() {
-    double best = std::clamp(folds_.options_.variation.smoothing, first_least, first_most);
-    Likelihood most = attempt(best);
+    double best = std::clamp(settings_.smoothing, first_least, first_most);
+    Vector most = attempt(best);
     // The λ of the ARX model may be far from the best λ of EM. The likelihood may then have a second maximum.
     if (std::abs(std::log10(best / usual)) > 0.9)
-      if (Likelihood found = attempt(usual); found.advantage(most) > noticeable) most = std::move(found), best = usual;
+      if (Vector found = attempt(usual); advantage(found, most) > noticeable) most = std::move(found), best = usual;
     if (!lost()) climb(best, std::move(most));
     approach_start();
   }
 
   // The likelihood may not change over half a decade and then rise again, so one larger λ that is not worse is passed
   // over.
-  void climb(double best, Likelihood most) {
+  void climb(double best, Vector most) {
     for (const double factor : {half_decade, 1 / half_decade}) {
       Index moves = 0;
       bool flat = false;
       for (double next = best * factor; moves < most_moves && next < largest; next *= factor) {
-        Likelihood found = attempt(next);
-        const double advantage = found.advantage(most);
-        if (advantage > noticeable) {
+        Vector found = attempt(next);
+        const double gain = advantage(found, most);
+        if (gain > noticeable) {
           most = std::move(found);
           flat = false;
           ++moves;
-        } else if (factor < 1 || flat || advantage < -noticeable) {
+        } else if (factor < 1 || flat || gain < -noticeable) {
           break;
         } else {
           flat = true;
@@ -333,13 +353,13 @@ class Folds::RefinementSearch {
 
   // If no attempt predicts better than the subspace models, attempts with less penalty may: they stay closer to them.
   void approach_start() {
-    if (attempts_.empty() || least_error()->error() <= choice_.error) return;
+    if (attempts_.empty() || least_error(attempts_).error() <= without_em_.value) return;
     const auto weaker = [](const Attempt& a, const Attempt& b) { return a.smoothing < b.smoothing; };
     double smoothing = std::min_element(attempts_.begin(), attempts_.end(), weaker)->smoothing;
     for (Index moves = 0; moves < most_moves; ++moves) {
-      const double least = least_error()->error();
+      const double least = least_error(attempts_).error();
       attempt(smoothing /= half_decade);
-      if (!(least_error()->error() < least)) return;
+      if (!(least_error(attempts_).error() < least)) return;
     }
   }
 
@@ -350,8 +370,8 @@ class Folds::RefinementSearch {
         ++i;
         continue;
       }
-      const double smoothing = chosen()->smoothing;
-      const Likelihood both = attempt(smoothing);
+      const double smoothing = chosen().smoothing;
+      const Vector both = attempt(smoothing);
       const std::vector<Index> all = jumps_;
       std::optional<Attempt> best;
       std::vector<Index> needed;
@@ -359,9 +379,9 @@ class Folds::RefinementSearch {
         jumps_ = all;
         jumps_.erase(jumps_.begin() + std::ptrdiff_t(without));
         Attempt one = in_first_stages(smoothing, [](const Attempt&) { return true; });
-        if (!best || one.likelihood.sum() > best->likelihood.sum()) best = std::move(one), needed = jumps_;
+        if (!best || one.sum() > best->sum()) best = std::move(one), needed = jumps_;
       }
-      if (best && best->likelihood.advantage(both) > -significant) {
+      if (advantage(best->likelihood, both) > -significant) {
         jumps_ = std::move(needed);
         attempts_ = {std::move(*best)};
       } else {
@@ -371,23 +391,27 @@ class Folds::RefinementSearch {
     }
   }
 
-  // EM with this λ, from the subspace models, unless it was tried before. Returns the largest log-likelihood of the
-  // held-out experiments.
-  Likelihood attempt(double smoothing) {
+  // EM with this λ from the subspace models, unless it was tried before, until a stage improves neither the likelihood
+  // nor the errors. Returns the largest likelihood with this λ.
+  Vector attempt(double smoothing) {
+    return attempt(smoothing, [&](const Attempt& now) { return jumps_.empty() && is_hopeless(now); });
+  }
+  template <class GiveUp>
+  Vector attempt(double smoothing, GiveUp&& give_up) {
     const auto same = [&](double other) { return same_smoothing(other, smoothing); };
     if (std::none_of(tried_.begin(), tried_.end(), same)) {
       tried_.push_back(smoothing);
-      double likelihood = -std::numeric_limits<double>::infinity(), error = -likelihood;
+      double likelihood = -infinity, error = infinity;
       in_first_stages(smoothing, [&](const Attempt& now) {
         keep(now);
-        const bool better = now.likelihood.sum() > likelihood || now.error() < error;
-        likelihood = now.likelihood.sum(), error = now.error();
-        return better && !now.converged && (!jumps_.empty() || !hopeless_beside_others(now));
+        const bool better = now.sum() > likelihood || now.error() < error;
+        likelihood = now.sum(), error = now.error();
+        return !give_up(now) && better && !now.converged;
       });
     }
-    Likelihood most;
+    Vector most;
     for (const Attempt& a : attempts_)
-      if (same(a.smoothing) && a.likelihood.sum() > most.sum()) most = a.likelihood;
+      if (same(a.smoothing) && a.sum() > sum_of(most)) most = a.likelihood;
     return most;
   }
 
@@ -397,28 +421,28 @@ class Folds::RefinementSearch {
   Attempt in_first_stages(double smoothing, GoOn&& go_on) {
     Attempt now;
     now.smoothing = smoothing;
-    now.models = starts_;
-    while (now.iterations < first_end(options(0.0)))
-      if (now = refined(std::move(now), stage_after(now.iterations, folds_.pooled())); !go_on(now)) break;
+    for (const FoldStart& fold : starts_) now.models.push_back(fold.start);
+    while (now.iterations < first_end(options(smoothing)))
+      if (now = refined(std::move(now)); !go_on(now)) break;
     return now;
   }
 
   // The attempts go on until EM converges, until neither the likelihood nor the errors of a likely attempt improve, or
   // until `most_iterations`. Before each stage, those are left out that are significantly less likely than another one
   // that goes on. `more`: attempts with fewer states are likely only if they are beside those with more.
-  void race(const RefinementSearch* more) {
+  void race(const Search* more) {
     std::vector<Attempt> racing;
     for (const Attempt& a : attempts_)
-      if (a.iterations == first_end(options(0.0)) && !a.converged) racing.push_back(a);
+      if (a.iterations == first_end(options(a.smoothing)) && !a.converged) racing.push_back(a);
     while (!racing.empty()) {
-      const Likelihood most = likeliest(racing)->likelihood;
+      const Attempt& most = likeliest(racing);
       std::vector<Attempt> improved;
       for (const Attempt& a : racing) {
-        if (most.advantage(a.likelihood) > significant) continue;
-        Attempt next = refined(a, stage_after(a.iterations, folds_.pooled()));
+        if (advantage(a, most) < -significant) continue;
+        Attempt next = refined(a);
         keep(next);
-        const bool better = next.likelihood.sum() > a.likelihood.sum() ||
-                            (next.error() < a.error() && likely(next) && (!more || more->likely(next)));
+        const bool better =
+            next.sum() > a.sum() || (next.error() < a.error() && likely(next) && (!more || more->likely(next)));
         if (better && !next.converged && next.iterations < most_iterations) improved.push_back(std::move(next));
       }
       racing = std::move(improved);
@@ -426,56 +450,39 @@ class Folds::RefinementSearch {
   }
 
   void keep(const Attempt& attempt) {
-    if (std::isfinite(attempt.likelihood.sum())) attempts_.push_back(attempt);
+    if (std::isfinite(attempt.sum())) attempts_.push_back(attempt);
   }
 
-  Attempt refined(Attempt start, const Stage& stage) {
-    std::vector<Vector> found(count_);
-    std::vector<char> converged(count_);
+  // After the next stage.
+  Attempt refined(Attempt now) {
+    const Stage stage = stage_after(now.iterations, shared());
+    std::vector<Vector> likelihoods(starts_.size());
+    std::vector<char> converged(starts_.size());
     for_each_fold([&](size_t f) {
-      const Split& data = folds_.folds_[f].data;
-      Refinement fold = refined_fold(start.smoothing, stage, f, start.models[f]);
-      start.models[f] = std::move(fold.model);
+      Refinement fold = refined_fold(now.smoothing, stage, f, now.models[f]);
+      now.models[f] = std::move(fold.model);
       converged[f] = fold.converged;
-      if (start.models[f].steps() > 0)
-        found[f] = log_likelihoods_with(least_variance_[f], start.models[f], data.held_out);
+      if (now.models[f].steps() > 0)
+        likelihoods[f] = log_likelihoods_with(least_variance_[f], now.models[f], starts_[f].data->held_out);
     });
-    const bool all = std::all_of(found.begin(), found.end(), [](const Vector& fold) { return fold.size() > 0; });
-    start.likelihood = all ? Likelihood(found) : Likelihood();
-    start.errors = errors(start.models, 0);
-    start.converged = std::all_of(converged.begin(), converged.end(), [](char fold) { return fold != 0; });
-    start.iterations += stage.iterations;
-    trials_.push_back({choice_.states, start.smoothing, start.iterations, start.error(), start.likelihood.mean()});
-    return start;
+    const auto all = [](const auto& folds, auto&& holds) { return std::all_of(folds.begin(), folds.end(), holds); };
+    now.likelihood.resize(0);
+    if (all(likelihoods, [](const Vector& fold) { return fold.size() > 0; })) now.likelihood = stacked(likelihoods);
+    now.converged = all(converged, [](char fold) { return fold != 0; });
+    now.errors = errors(now.models, from_start());
+    now.iterations += stage.iterations;
+    trials_.push_back({states_, now.smoothing, now.iterations, now.error(),
+                       now.sum() / std::max(1.0, double(now.likelihood.size()))});
+    return now;
   }
 
-  RefineOptions options(double smoothing) const {
-    RefineOptions o;
-    o.smoothing = smoothing;
-    o.period = folds_.options_.variation.period;
-    o.initial_state = folds_.options_.initial_state;
-    o.feedthrough = folds_.options_.feedthrough;
-    o.jumps = jumps_;
-    return o;
-  }
-
-  AheadCertainty certainty(const std::vector<Model>& models) {
-    std::vector<AheadErrors> errors(count_);
-    for_each_fold([&](size_t f) {
-      const Ensemble& held_out = folds_.folds_[f].data.held_out;
-      const auto predicted_by = [&](const Model& model) {
-        const Index h = std::min(AheadCertainty::horizon, std::max<Index>(1, held_out.steps() - 1));
-        return predict(of_departures(model, held_out), held_out, {h, folds_.options_.initial_state}).y;
-      };
-      std::vector<Ensemble> by_others;
-      for (size_t g = 0; g < count_; ++g)
-        if (g != f) by_others.push_back(predicted_by(models[g]));
-      errors[f] = ahead_errors(models[f], predicted_by(models[f]), by_others, Index(folds_.folds_.size()), held_out,
-                               AheadCertainty::horizon);
-    });
-    AheadErrors sum;
-    for (const AheadErrors& fold : errors) sum += fold;
-    return {sum.ratio(), sum.model_share()};
+  static Vector stacked(const std::vector<Vector>& parts) {
+    Vector whole;
+    for (const Vector& part : parts) {
+      whole.conservativeResize(whole.size() + part.size());
+      whole.tail(part.size()) = part;
+    }
+    return whole;
   }
 
   // With an empty model if EM fails: this λ is ruled out.
@@ -484,55 +491,56 @@ class Folds::RefinementSearch {
     try {
       RefineOptions o = options(smoothing);
       o.execution.progress = work_.counted();
-      return refined_in(stage, start, folds_.folds_[f].data.training, samples_[f], o);
+      return refined_in(stage, start, starts_[f].data->training, samples_[f], o);
     } catch (const std::runtime_error&) {
       return {};
     }
   }
 
-  // From step `first` on. Before, the observers have not settled.
-  HeldOutError errors(const std::vector<Model>& models, Index first) const {
-    return folds_.error_of(
-        count_, choice_.states, [&](size_t f) { return models[f]; }, {first, folds_.ahead_.horizons},
-        folds_.options_.execution, like_);
+  RefineOptions options(double smoothing) const {
+    RefineOptions o = settings_.em;
+    o.smoothing = smoothing;
+    o.jumps = jumps_;
+    return o;
   }
 
-  const Folds& folds_;
+  const RefinementSettings& settings_;
+  Index states_;
+  std::vector<Index> jumps_;
+  std::vector<FoldStart> starts_;
   SearchProgress& work_;
   std::vector<RefinementTrial>& trials_;
-  std::vector<Index> jumps_;
-  size_t count_;
-  std::vector<Model> starts_;                     // subspace models
-  std::vector<Model> without_em_;                 // the same, which predict from step 0 on
   std::vector<std::optional<em::Data>> samples_;  // of the training data of each fold
-  std::vector<Predicted> like_;
-  std::vector<Vector> least_variance_;  // as in least_variance, of each fold
-  std::vector<Attempt> attempts_;
-  std::vector<double> tried_;  // λ of all attempts, also of those that failed
+  std::vector<Predicted> like_;                   // by the models without EM
+  std::vector<Vector> least_variance_;            // as in least_variance, of each fold
+  HeldOutError without_em_;
+  std::vector<Attempt> attempts_;  // that did not fail
+  std::vector<double> tried_;      // λ of all attempts, also of those that failed
   bool raced_ = false;
-  RefinementChoice choice_;
 };
 
-RefinementOfFolds Folds::choose_refinement(Index states, bool or_fewer, const OrderScores& scores,
-                                           std::optional<double> smoothing, SearchProgress& work) const {
+}  // namespace
+
+RefinementOfFolds choose_refinement(Index states, bool or_fewer, const FoldStarts& starts,
+                                    const RefinementSettings& settings, SearchProgress& work) {
   std::vector<RefinementTrial> trials;
-  const auto begun = [&](Index n, const std::vector<Index>& jumps) {
-    return std::make_shared<RefinementSearch>(*this, n, scores, jumps, work, trials);
+  const auto search = [&](Index n, const std::vector<Index>& jumps) {
+    return std::make_shared<Search>(starts(n), n, jumps, settings, work, trials);
   };
-  const std::shared_ptr<RefinementSearch> plain = begun(states, options_.variation.jumps);
-  plain->run(smoothing);
-  std::shared_ptr<RefinementSearch> best = plain;
+  const std::shared_ptr<Search> plain = search(states, settings.em.jumps);
+  plain->run();
+  std::shared_ptr<Search> best = plain;
   // One number that does not suffice may split a pair of eigenvalues.
   if (or_fewer && plain->helps())
     for (Index n = states - 1, failed = 0; n > 0 && failed < 2; --n) {
-      const std::shared_ptr<RefinementSearch> fewer = begun(n, best->jumps());
+      const std::shared_ptr<Search> fewer = search(n, best->jumps());
       fewer->run_beside(*best);
       if (fewer->suffices_for(*best))
         best = fewer, failed = 0;
       else
         ++failed;
     }
-  best->finish();
+  best->finish(nullptr);
   std::optional<RefinementOfFolds> result = best->better_than(*plain);
   if (!result && best != plain) result = plain->better_than(*plain);
   if (!result) result = plain->without_em();
@@ -560,7 +568,7 @@ Model refined(Model model, const Ensemble& data, Index from, Index to, const Ref
   }
   std::optional<em::Data> samples;
   while (from < to) {
-    Stage stage = stage_after(from, options.period.value_or(0) > 0);
+    Stage stage = stage_after(from, is_shared(options));
     stage.iterations = std::min(stage.iterations, to - from);
     model = refined_in(stage, model, data, samples, options).model;
     from += stage.iterations;

@@ -32,14 +32,14 @@ struct FoldStart {
   Model start;       // EM begins with it
   Model without_em;  // the same, which predicts from step 0 on
 };
-// Those of all folds with so many states.
+// The starts of all folds, with so many states.
 using FoldStarts = std::function<std::vector<FoldStart>(Index states)>;
 
 struct RefinementSettings {
-  RefineOptions em;                   // period, initial state, feedthrough and jumps, as in Plan
+  RefineOptions em;                   // period, initial state (needed), feedthrough and jumps, as in Plan
   double smoothing = 1.0;             // a search for λ begins near this one
   std::optional<double> stated = {};  // λ, if it is stated
-  Vector output_weights;              // (m)
+  Vector output_weights;              // (m), needed
   Ahead ahead;                        // `from`: where the observers have settled
   Index folds = 1;                    // of all experiments; those with models may be fewer
   int threads = 1;

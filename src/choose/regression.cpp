@@ -12,7 +12,7 @@
 #include "base/integers.hpp"
 #include "base/words.hpp"
 #include "choose/feedthrough.hpp"
-#include "choose/folds.hpp"
+#include "choose/held_out_error.hpp"
 #include "choose/initial_state.hpp"
 #include "choose/jumps.hpp"
 #include "choose/stages.hpp"

@@ -42,9 +42,8 @@ class Predictions {
 RegressionErrors::RegressionErrors(const Ensemble& e, const SmoothingOptions& o, Index held_out,
                                    std::vector<Index> horizons, Index folds)
     : options_(o),
-      ahead_{o.initial_state == InitialState::zero ? 0 : o.lags.back(), std::move(horizons)},
+      ahead_(ahead_in(e, o.initial_state == InitialState::zero ? 0 : o.lags.back(), std::move(horizons), o.period)),
       weights_(weights_of(o.output_weights, e.outputs())) {
-  ahead_.horizons = horizons_within(std::move(ahead_.horizons), e.steps() - ahead_.from);
   if (folds == 0) folds = fold_count(e.experiments());
   for (Index f = 0; f < std::min(held_out, folds); ++f) parts_.push_back(fold(e, f, folds, o.centred));
 }

@@ -6,7 +6,6 @@
 #include <limits>
 #include <utility>
 
-#include "choose/folds.hpp"
 #include "data/rows.hpp"
 
 namespace tokid {

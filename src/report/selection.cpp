@@ -82,7 +82,7 @@ std::string orders(const OrderScores& scores, bool refined) {
       fmt::format("Number of states: {} candidates, n = {} chosen{}", scores.states.size(), scores.best,
                   refined ? " before the refinement" : ""),
       fmt::format(
-          "{}, relative to the outputs. “Together” is their mean{}. The "
+          "{} of predictions so many steps ahead, relative to the outputs. “Together” is their geometric mean{}. The "
           "smallest number of states that is at most a margin of 0.5 to 2 % above the smallest mean is chosen.",
           scores.cross_validated ? "Errors in cross-validation over the experiments" : "Errors on the training data",
           scores.cross_validated ? "" : " and a price for each state"),
