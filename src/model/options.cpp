@@ -114,7 +114,7 @@ Values<std::vector<Index>> delays_of_inputs() {
 
 Values<std::vector<Index>> horizons_from_one() {
   return {.placeholder = "1[,H...]",
-          .range = "ascending numbers of steps from 1 on",
+          .range = "1 and further numbers of steps, ascending",
           .write = [](const std::vector<Index>& horizons) { return Json(horizons); },
           .read =
               [](const Json& json) {
