@@ -86,8 +86,7 @@ HeldOutError Folds::error_of(Index states, Weighting weighting, double smoothing
     for (size_t f = size_t(begin); f < size_t(end); ++f) {
       Model model = start(f, states, weighting, smoothing);
       if (model.steps() == 0 || model.states() != states) continue;
-      const Ensemble& held_out = folds_[f].data.held_out;
-      found[f] = squares_of(predicted_by(std::move(model), held_out, options_.initial_state, ahead_), held_out, ahead_);
+      found[f] = squares(f, std::move(model), ahead_);
       complete[f] = 1;
     }
   });
@@ -139,14 +138,15 @@ RefinementSettings Folds::refinement_settings() const {
   return s;
 }
 
+Squares Folds::squares(size_t f, Model model, const Ahead& ahead) const {
+  const Ensemble& held_out = folds_[f].data.held_out;
+  return squares_of(predicted_by(std::move(model), held_out, options_.initial_state, ahead), held_out, ahead);
+}
+
 std::vector<Squares> Folds::squares(const std::vector<Model>& models, const Ahead& ahead) const {
   std::vector<Squares> result(models.size());
   parallel_for(0, Index(models.size()), {options_.execution.threads, {}}, [&](Index begin, Index end) {
-    for (Index f = begin; f < end; ++f) {
-      const Ensemble& held_out = folds_[size_t(f)].data.held_out;
-      result[size_t(f)] =
-          squares_of(predicted_by(models[size_t(f)], held_out, options_.initial_state, ahead), held_out, ahead);
-    }
+    for (size_t f = size_t(begin); f < size_t(end); ++f) result[f] = squares(f, models[f], ahead);
   });
   return result;
 }

@@ -56,6 +56,7 @@ class Folds {
   OrderScores choose_shown_states(std::optional<Index> states, Index most, const Execution& execution) const;
   Model start(size_t f, Index states, Weighting weighting, double smoothing) const;
   OrderScores scores(Weighting weighting, double smoothing, Index least, Index most, const Execution& execution) const;
+  Squares squares(size_t f, Model model, const Ahead& ahead) const;
   // The error of the models of all folds; infinite if a model does not have this number of states.
   HeldOutError error_of(Index states, Weighting weighting, double smoothing, const Execution& execution) const;
 

@@ -97,10 +97,10 @@ void simulate_each(const Model& model, const Ensemble& inputs, Index k, Matrix x
 
 namespace {
 
-// The outputs at step k + ahead - 1, simulated from the state x (N × n_k) at step k.
-Matrix outputs_ahead(const Model& model, const Ensemble& data, Index k, Matrix x, Index ahead) {
+// The outputs at step `last`, simulated from the state x (N × n_k) at step k. Both move on to this step.
+Matrix outputs_at(const Model& model, const Ensemble& data, Index last, Index& k, Matrix& x) {
   Matrix u, next, y;
-  for (const Index last = k + ahead - 1; k < last; ++k) {
+  for (; k < last; ++k) {
     input_departure(model, data, k, u);
     observer::next_state(model.at(k), x, u, next);
     x.swap(next);
@@ -108,6 +108,11 @@ Matrix outputs_ahead(const Model& model, const Ensemble& data, Index k, Matrix x
   input_departure(model, data, k, u);
   observer::output(model.at(k), x, u, y);
   return y;
+}
+
+// The outputs at step k + ahead - 1, simulated from the state x at step k.
+Matrix outputs_ahead(const Model& model, const Ensemble& data, Index k, Matrix x, Index ahead) {
+  return outputs_at(model, data, k + ahead - 1, k, x);
 }
 
 bool knows_noise(const Model& model) { return model.has(&Step::has_Q) && model.has(&Step::has_R); }
@@ -188,21 +193,15 @@ void predict_ahead_each(const Model& model, const Ensemble& data, std::optional<
   if (ends_early(model, data.steps()))
     return predict_ahead_each(continued(model, data.steps()), data, initial_state, horizons, begins, use);
   check_channels(model, data, true);
-  Matrix u, y, x, next;
   observe(
       model, data, {1, initial_state},
       [&](Index begin, auto&& state) {
         if (horizons.size() < 2 || !begins(begin)) return;
-        x = state();
-        size_t i = 1;
-        for (Index k = begin; i < horizons.size(); ++k) {
-          input_departure(model, data, k, u);
-          if (k == begin + horizons[i] - 1) {
-            observer::output(model.at(k), x, u, y);
-            use(Index(i++), k, y);
-          }
-          observer::next_state(model.at(k), x, u, next);
-          x.swap(next);
+        Matrix x = state();
+        Index k = begin;
+        for (size_t i = 1; i < horizons.size(); ++i) {
+          const Matrix y = outputs_at(model, data, begin + horizons[i] - 1, k, x);
+          use(Index(i), k, y);
         }
       },
       [&](Index k, const Matrix& predicted, const Matrix&) { use(0, k, predicted); });
