@@ -5,6 +5,7 @@
 
 #include <Eigen/LU>
 #include <algorithm>
+#include <cmath>
 
 #include "model/kalman_step.hpp"
 #include "testing.hpp"
@@ -102,6 +103,29 @@ TEST(FilterGains, OfAPeriodicModelAreSteadyAllAround) {
         }
       });
     }
+}
+
+// The errors of this filter fall by 1e-5 a step: 1000 repetitions do not reach the limit.
+TEST(FilterGains, OfASlowFilterAreThoseOfTheLimit) {
+  constexpr double a = 1.0, q = 1e-10, r = 1.0;  // x⁺ = x + w, y = x + ε
+  Model model;
+  model.inputs = model.outputs = 1;
+  model.period = 1;
+  Matrix one = Matrix::Constant(1, 1, a), zero = Matrix::Zero(1, 1);
+  for (int k = 0; k < 5; ++k) model.step.emplace_back(one, zero, one, zero, zero);
+  NoiseRoots noise;
+  noise.innovation = {Matrix::Constant(1, 1, std::sqrt(r))};
+  noise.state = {Matrix::Constant(1, 1, std::sqrt(q))};
+  noise.output_size = Vector::Ones(1);
+  filter_gains(model, noise);
+  // P = P - P²/(P + r) + q, so P² = q P + q r
+  const double p = (q + std::sqrt(q * q + 4 * q * r)) / 2, gain = p / (p + r);
+  // Relative rounding errors of each step, which the steps contract by (1 - gain)².
+  const double tolerance = epsilon / (1 - (1 - gain) * (1 - gain));
+  for (const Step& step : model.step) {
+    EXPECT_NEAR(step.G()(0, 0), -gain, tolerance * gain);
+    EXPECT_NEAR(step.innovation_cov()(0, 0), p + r, 4 * epsilon);
+  }
 }
 
 TEST(FilterGains, FollowVaryingStateDimensions) {
