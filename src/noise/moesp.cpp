@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <memory>
 #include <numeric>
 #include <stdexcept>
@@ -118,15 +119,30 @@ class Moesp {
     }
   }
 
-  // The end of a stretch. Within a stretch, all inputs are known, and the state grows by at most most_growth.
-  Index stretch_end(Index n, Index begin) const {
-    Matrix growth = Matrix::Identity(n_, n_);
-    Index end = begin;
-    while (end < e_.steps() && e_.input(end).row(n).allFinite() &&
-           growth.norm() < most_growth * std::sqrt(double(n_))) {
-      growth = model_.step[size_t(variation_.group(end))].A() * growth;
-      ++end;
+  // The outputs of the states at the first step of a stretch, relative to their sizes: C_k Φ_{k,begin} (m × n) of the
+  // steps from `begin` on. They are the same for all experiments. Grows up to the step before which a state grows by
+  // more than most_growth.
+  struct FreeResponse {
+    std::vector<Matrix> outputs;
+    Matrix growth;  // Φ of the next step
+  };
+
+  // Does the response reach the step `begin` + `after`?
+  bool reaches(Index begin, Index after) {
+    FreeResponse& free = free_[begin];
+    if (free.outputs.empty()) free.growth = Matrix::Identity(n_, n_);
+    while (Index(free.outputs.size()) <= after && free.growth.norm() < most_growth * std::sqrt(double(n_))) {
+      const Step& step = model_.step[size_t(variation_.group(begin + Index(free.outputs.size())))];
+      free.outputs.push_back(sizes_.cwiseInverse().asDiagonal() * (step.C() * free.growth));
+      free.growth = step.A() * free.growth;
     }
+    return after < Index(free.outputs.size());
+  }
+
+  // The end of a stretch. Within a stretch, all inputs are known, and the state grows by at most most_growth.
+  Index stretch_end(Index n, Index begin) {
+    Index end = begin;
+    while (end < e_.steps() && e_.input(end).row(n).allFinite() && reaches(begin, end - begin)) ++end;
     return end;
   }
 
@@ -135,21 +151,22 @@ class Moesp {
   Matrix stretch_rows(Index n, Index begin, Index end, Index b) const {
     const bool known = begin == 0 && from_rest_;
     const Index start = known ? 0 : n_, unknowns = b + groups_ * m_ * through_;
+    const std::vector<Matrix>& free = free_.at(begin).outputs;
     Matrix rows = Matrix::Zero((end - begin) * m_, start + unknowns + 1);
-    Matrix x = Matrix::Zero(n_, start + b);  // ∂x_k / ∂(x_0, B)
-    x.leftCols(start) = Matrix::Identity(n_, start);
+    Matrix x = Matrix::Zero(n_, b);  // ∂x_k / ∂B
     Index used = 0;
     for (Index k = begin; k < end; ++k) {
       const Index g = variation_.group(k);
       const Matrix response = sizes_.cwiseInverse().asDiagonal() * (model_.step[size_t(g)].C() * x);
       for (Index j = 0; j < m_; ++j) {
         if (std::isnan(e_.y(n, k, j))) continue;
-        rows.row(used).head(start + b) = response.row(j);
+        rows.row(used).head(start) = free[size_t(k - begin)].row(j).head(start);
+        rows.row(used).segment(start, b) = response.row(j);
         for (Index i = 0; i < through_; ++i) rows(used, start + b + (g * through_ + i) * m_ + j) = e_.u(n, k, i);
         rows(used++, start + unknowns) = e_.y(n, k, j) / sizes_(j);
       }
       x = model_.step[size_t(g)].A() * x;
-      for (Index i = 0; i < r_; ++i) x.middleCols(start + (g * r_ + i) * n_, n_).diagonal().array() += e_.u(n, k, i);
+      for (Index i = 0; i < r_; ++i) x.middleCols((g * r_ + i) * n_, n_).diagonal().array() += e_.u(n, k, i);
     }
     Matrix kept = rows.topRows(used);
     if (start == 0) return kept;
@@ -210,6 +227,7 @@ class Moesp {
   Index groups_, r_, m_, through_, lags_, n_ = 0;  // through_: number of inputs with feedthrough
   bool from_rest_, noisy_;
   Vector sizes_;
+  std::map<Index, FreeResponse> free_;     // of each first step
   std::shared_ptr<const Matrix> windows_;  // of the only group of a long record: the factor of its windows
   double windows_count_ = 0.0;
   Model model_;
