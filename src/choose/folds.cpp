@@ -35,15 +35,14 @@ void OrderScores::choose() {
   }
 }
 
-Index Folds::refined_folds(Index experiments) {
+Index Folds::validating(Index experiments) {
   constexpr Index fewest = 3, held_out = 20;
   const Index folds = fold_count(experiments), needed = (held_out * folds + experiments - 1) / experiments;
   return std::clamp(needed, std::min(fewest, folds), folds);
 }
 
 Folds::Folds(const Ensemble& ensemble, const Options& options)
-    : options_(options), experiments_(ensemble.experiments()) {
-  const Index count = fold_count(ensemble.experiments());
+    : options_(options), all_(fold_count(ensemble.experiments())), folds_(size_t(validating(ensemble.experiments()))) {
   const Index period = options.variation.period;
   ahead_ = ahead_in(ensemble, first_scored(options.initial_state, options.lags, period), options.horizons, period);
   SmoothArxOptions arx_options;
@@ -51,12 +50,11 @@ Folds::Folds(const Ensemble& ensemble, const Options& options)
   arx_options.initial_state = options.initial_state;
   arx_options.feedthrough = options.feedthrough;
   arx_options.variation = options.variation;
-  folds_.resize(size_t(count));
   options_.execution.progress = {};
-  parallel_for(0, count, options.execution, [&](Index begin, Index end) {
+  parallel_for(0, Index(folds_.size()), options.execution, [&](Index begin, Index end) {
     for (Index f = begin; f < end; ++f) {
       Fold& own = folds_[size_t(f)];
-      own.data = fold(ensemble, f, count, options.centred);
+      own.data = fold(ensemble, f, all_, options.centred);
       own.arx = smooth_arx(own.data.training, arx_options);
     }
   });
@@ -90,7 +88,7 @@ HeldOutError Folds::error_of(Index states, Weighting weighting, double smoothing
       complete[f] = 1;
     }
   });
-  if (std::find(complete.begin(), complete.end(), 0) != complete.end()) return infinite_error(ahead_, experiments_);
+  if (std::find(complete.begin(), complete.end(), 0) != complete.end()) return infinite_error(ahead_, 0);
   return held_out_error(joined(found), weights_of(options_.output_weights, folds_.front().arx.outputs));
 }
 
@@ -105,23 +103,21 @@ Model Folds::start(size_t f, Index states, Weighting weighting, double smoothing
   return from_known_state(realise(own.data.training, own.arx, own.factors.at(weighting), o), options_.initial_state);
 }
 
-std::vector<Model> Folds::models_of(const OrderScores& scores) const {
-  std::vector<Model> models;
-  for (size_t f = 0; f < size_t(refined_folds(experiments_)); ++f)
-    models.push_back(start(f, scores.best, scores.weighting, scores.smoothing));
+std::vector<Model> Folds::models_of(const OrderScores& scores, Index states) const {
+  std::vector<Model> models(folds_.size());
+  parallel_for(0, Index(models.size()), {options_.execution.threads, {}}, [&](Index begin, Index end) {
+    for (size_t f = size_t(begin); f < size_t(end); ++f)
+      models[f] = start(f, states, scores.weighting, scores.smoothing);
+  });
   return models;
 }
 
-std::vector<FoldStart> Folds::starts(Index states, const OrderScores& scores) const {
-  std::vector<FoldStart> result(size_t(refined_folds(experiments_)));
-  parallel_for(0, Index(result.size()), {options_.execution.threads, {}}, [&](Index begin, Index end) {
-    for (size_t f = size_t(begin); f < size_t(end); ++f) {
-      const Split& data = folds_[f].data;
-      Model model = start(f, states, scores.weighting, scores.smoothing);
-      result[f] = {&data, model, with_first_steps(model, data.training, options_.initial_state, 1)};
-    }
+std::vector<Model> Folds::from_first_step(std::vector<Model> models) const {
+  parallel_for(0, Index(models.size()), {options_.execution.threads, {}}, [&](Index begin, Index end) {
+    for (size_t f = size_t(begin); f < size_t(end); ++f)
+      models[f] = with_first_steps(models[f], folds_[f].data.training, options_.initial_state, 1);
   });
-  return result;
+  return models;
 }
 
 RefinementSettings Folds::refinement_settings() const {
@@ -133,7 +129,8 @@ RefinementSettings Folds::refinement_settings() const {
   s.smoothing = options_.variation.smoothing;
   s.output_weights = weights_of(options_.output_weights, folds_.front().arx.outputs);
   s.ahead = ahead_;
-  s.folds = Index(folds_.size());
+  for (const Fold& fold : folds_) s.data.push_back(&fold.data);
+  s.folds = all_;
   s.threads = options_.execution.threads;
   return s;
 }

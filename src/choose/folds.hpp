@@ -18,9 +18,8 @@ namespace tokid {
 
 class Folds {
  public:
-  // The number of folds that validate EM, of so many experiments. EM takes longer than all other choices, so that it is
-  // not validated on more folds than the comparisons need.
-  static Index refined_folds(Index experiments);
+  // The number of folds that are used, of all folds of so many experiments: not more than the comparisons need.
+  static Index validating(Index experiments);
 
   struct Options {
     Index lags = 1;
@@ -38,12 +37,13 @@ class Folds {
 
   // Chooses n, the weighting and the λ of the regressions on states. `states`: n, if it is given.
   OrderScores choose_states(std::optional<Index> states, Index most, const Execution& execution = {});
-  // The models of the folds that validate EM, with these scores and without EM.
-  std::vector<Model> models_of(const OrderScores& scores) const;
+  // The models of the folds, with the weighting and λ of these scores and without EM.
+  std::vector<Model> models_of(const OrderScores& scores, Index states) const;
+  // The same models, but predicting from step 0 on.
+  std::vector<Model> from_first_step(std::vector<Model> models) const;
   // Of the predictions by these models of the first folds, of the experiments that each fold holds out.
   std::vector<Squares> squares(const std::vector<Model>& models, const Ahead& ahead) const;
-  // What EM begins with, of the folds that validate EM. The pointers to the data stay valid as long as the folds.
-  std::vector<FoldStart> starts(Index states, const OrderScores& scores) const;
+  // The pointers to the data stay valid as long as the folds.
   RefinementSettings refinement_settings() const;
 
  private:
@@ -61,7 +61,7 @@ class Folds {
   HeldOutError error_of(Index states, Weighting weighting, double smoothing, const Execution& execution) const;
 
   Options options_;
-  Index experiments_;
+  Index all_;  // number of folds, with those that are not used
   Ahead ahead_;
   std::vector<Fold> folds_;
 };

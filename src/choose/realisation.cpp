@@ -247,12 +247,11 @@ struct BegunByFolds {
   Folds folds;
   Plan plan;
   OrderScores scores;
-  Model model;  // of all data
+  Model model;                  // of all data
+  std::vector<Model> of_folds;  // empty if no state predicts
 
-  // Of the models of the folds; empty if no state predicts.
-  std::vector<Squares> squares(const Ahead& ahead) const {
-    return scores.best > 0 ? folds.squares(folds.models_of(scores), ahead) : std::vector<Squares>();
-  }
+  std::vector<Squares> squares(const Ahead& ahead) const { return folds.squares(of_folds, ahead); }
+  std::vector<Model> with_states(Index n) const { return n == scores.best ? of_folds : folds.models_of(scores, n); }
 };
 
 // The same with EM, if it was tried.
@@ -296,6 +295,7 @@ BegunByFolds begun_by_folds(const Ensemble& data, const Selection& selected, con
                         .execution = in_stage(options.execution, WorkStage::folds)}),
       decided,
       {},
+      {},
       {}};
   Plan& plan = result.plan;
   result.scores = result.folds.choose_states(options.states, plan.lags * data.outputs(),
@@ -304,6 +304,7 @@ BegunByFolds begun_by_folds(const Ensemble& data, const Selection& selected, con
   plan.choices.weighting = result.scores.weighting;
   if (!options.states) plan.states = result.scores.best;
   result.model = realise(data, arx, {}, plan, in_stage(options.execution, WorkStage::realisation));
+  if (result.scores.best > 0) result.of_folds = result.folds.models_of(result.scores, result.scores.best);
   return result;
 }
 
@@ -321,8 +322,9 @@ ChosenByFolds chosen_by_folds(BegunByFolds begun, const std::vector<Squares>& of
   if (before_em) before_em(result.start, plan);
   RefinementSettings settings = begun.folds.refinement_settings();
   settings.stated = stated;
-  const auto starts = [&](Index states) { return begun.folds.starts(states, begun.scores); };
-  result.refinement = choose_refinement(plan.states, !options.states, starts, settings, work);
+  const auto starts = [&](Index states) { return begun.with_states(states); };
+  result.refinement = choose_refinement(plan.states, begun.folds.from_first_step(starts(plan.states)), !options.states,
+                                        starts, settings, work);
   if (ahead) result.squares = begun.folds.squares(result.refinement->models, *ahead);
   return result;
 }
@@ -440,7 +442,7 @@ void realise_by_folds(const Ensemble& data, const Selection& selected, Regressed
                             chosen_by_folds(std::move(begun), {}, data, selected, nullptr, options, before_em, work),
                             options, work, result);
   const RegressionErrors errors(*selected.samples, rivals->options,
-                                Folds::refined_folds(selected.samples->experiments()), options.horizons);
+                                Folds::validating(selected.samples->experiments()), options.horizons);
   const Ahead& ahead = errors.ahead();
   const std::vector<Squares> of_begun = begun.squares(ahead);
   const RegressionErrors::Found leader = best_regression(*rivals, errors, of_begun);

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <memory>
+#include <set>
 #include <stdexcept>
 #include <utility>
 
@@ -122,31 +123,93 @@ const Attempt& least_error(const std::vector<Attempt>& attempts) {
   return *std::min_element(attempts.begin(), attempts.end(), smaller);
 }
 
+// The models of the folds without EM, which predict from step 0 on, and what they say about held-out experiments.
+class WithoutEm {
+ public:
+  WithoutEm(Index states, std::vector<Model> models, const RefinementSettings& settings)
+      : settings_(settings),
+        states_(states),
+        models_(std::move(models)),
+        like_(models_.size()),
+        least_variance_(models_.size()) {
+    for_each_fold([&](size_t f) {
+      // EM can predict samples after missing samples that subspace models cannot predict. These samples are not
+      // compared.
+      const Ensemble& held_out = settings_.data[f]->held_out;
+      like_[f] = predicted_by(models_[f], held_out, *settings_.em.initial_state, from_start());
+      least_variance_[f] = least_variance(like_[f].front(), held_out);
+    });
+    error_ = errors(models_, states, from_start());
+    ahead_ = errors(models_, states, settings_.ahead);
+  }
+
+  template <class Change>
+  void for_each_fold(Change&& change) const {
+    parallel_for(0, Index(models_.size()), {settings_.threads, {}}, [&](Index begin, Index end) {
+      for (Index f = begin; f < end; ++f) change(size_t(f));
+    });
+  }
+  Ahead from_start() const { return {0, settings_.ahead.horizons, settings_.ahead.every}; }
+  // The number of held-out experiments.
+  Index experiments() const {
+    Index count = 0;
+    for (size_t f = 0; f < models_.size(); ++f) count += settings_.data[f]->held_out.experiments();
+    return count;
+  }
+
+  // Of other models. Infinite if one has another number of states.
+  HeldOutError errors(const std::vector<Model>& models, Index states, const Ahead& ahead) const {
+    for (const Model& model : models)
+      if (model.steps() == 0 || model.states() != states) return infinite_error(ahead, experiments());
+    std::vector<Squares> squares(models.size());
+    for_each_fold([&](size_t f) {
+      const Ensemble& held_out = settings_.data[f]->held_out;
+      squares[f] =
+          squares_of(predicted_by(models[f], held_out, *settings_.em.initial_state, ahead), held_out, ahead, &like_[f]);
+    });
+    return held_out_error(joined(squares), settings_.output_weights);
+  }
+  AheadCertainty certainty(const std::vector<Model>& models) const {
+    std::vector<const Ensemble*> held_out;
+    for (size_t f = 0; f < models.size(); ++f) held_out.push_back(&settings_.data[f]->held_out);
+    return ahead_certainty(models, held_out, settings_.folds, *settings_.em.initial_state, settings_.threads);
+  }
+
+  const Vector& least_variance_of(size_t fold) const { return least_variance_[fold]; }
+  const HeldOutError& error() const { return error_; }  // from step 0 on
+  const HeldOutError& ahead() const { return ahead_; }  // of settled observers
+
+  RefinementOfFolds result() const {
+    RefinementOfFolds result{{}, models_};
+    result.choice.states = states_;
+    result.choice.error = error_.value;
+    result.choice.ahead = result.choice.ahead_without_em = certainty(models_);
+    return result;
+  }
+
+ private:
+  const RefinementSettings& settings_;
+  Index states_;
+  std::vector<Model> models_;
+  std::vector<Predicted> like_;
+  std::vector<Vector> least_variance_;  // as in least_variance, of each fold
+  HeldOutError error_, ahead_;
+};
+
 // The cross-validation of EM with one number of states.
 class Search {
  public:
   // `trials`: of all searches, to which this one adds its own.
-  Search(std::vector<FoldStart> starts, Index states, std::vector<Index> jumps, const RefinementSettings& settings,
-         SearchProgress& work, std::vector<RefinementTrial>& trials)
+  Search(std::vector<Model> starts, Index states, std::vector<Index> jumps, const WithoutEm& without_em,
+         const RefinementSettings& settings, SearchProgress& work, std::vector<RefinementTrial>& trials)
       : settings_(settings),
+        without_em_(without_em),
         states_(states),
         jumps_(std::move(jumps)),
         starts_(std::move(starts)),
         work_(work),
         trials_(trials),
-        samples_(starts_.size()),
-        like_(starts_.size()),
-        least_variance_(starts_.size()) {
-    for_each_fold([&](size_t f) {
-      // EM can predict samples after missing samples that subspace models cannot predict. These samples are not
-      // compared.
-      const Ensemble& held_out = starts_[f].data->held_out;
-      like_[f] = predicted_by(starts_[f].without_em, held_out, initial_state(), from_start());
-      least_variance_[f] = least_variance(like_[f].front(), held_out);
-    });
-    without_em_ = errors(models_without_em(), from_start());
-    trials_.push_back({.states = states, .error = without_em_.value});
-  }
+        samples_(starts_.size()) {}
 
   // EM with the λ that is stated; without one, with those of a search.
   void run() {
@@ -182,100 +245,50 @@ class Search {
     raced_ = true;
   }
 
+  Index states() const { return states_; }
   const std::vector<Index>& jumps() const { return jumps_; }
   // Are the errors smaller than those of the subspace models?
-  bool helps() const { return !attempts_.empty() && chosen().error() < without_em_.value; }
+  bool helps() const { return !attempts_.empty() && chosen().error() < without_em_.error().value; }
   bool suffices_for(const Search& more) const {
     return !attempts_.empty() && chosen().error() < more.chosen().error() + std::log(most_uncertain) &&
            (shared() || advantage(chosen(), more.chosen()) > -noticeable);
   }
 
-  // The subspace models without EM.
-  RefinementOfFolds without_em() const {
-    RefinementOfFolds result{chosen_without_em(), models_without_em()};
-    result.choice.ahead = result.choice.ahead_without_em;
-    if (!attempts_.empty()) result.choice.smoothing = chosen().smoothing;
-    return result;
-  }
-
-  // EM is used if it improves on its start and on these subspace models, which it replaces. If the best attempt does
-  // not, the attempt with the smallest errors may.
-  std::optional<RefinementOfFolds> better_than(const Search& plain) const {
+  // EM is used if it improves on the subspace models. If the best attempt does not, the attempt with the smallest
+  // errors may.
+  std::optional<RefinementOfFolds> improved() const {
     if (attempts_.empty()) return std::nullopt;
     for (const Attempt* a : {&chosen(), &least_error(attempts_)}) {
-      const HeldOutError after = errors(a->models, settings_.ahead);
-      if (!improves(*a, after, *this) || (&plain != this && !improves(*a, after, plain))) continue;
-      RefinementOfFolds result{plain.chosen_without_em(), a->models};
+      const HeldOutError after = without_em_.errors(a->models, states_, settings_.ahead);
+      if (!improves(*a, after)) continue;
+      RefinementOfFolds result = without_em_.result();
+      result.models = a->models;
       result.choice.states = states_;
       result.choice.smoothing = a->smoothing;
       result.choice.iterations = a->iterations;
       result.choice.error = a->error();
       result.choice.one_step = after.of_horizon(0);
       for (const Index step : jumps_) result.choice.jumps.push_back({step});
-      result.choice.ahead = certainty(a->models);
+      result.choice.ahead = without_em_.certainty(a->models);
       return result;
     }
     return std::nullopt;
   }
+  // The λ of the best attempt.
+  std::optional<double> smoothing() const {
+    return attempts_.empty() ? std::nullopt : std::optional(chosen().smoothing);
+  }
 
  private:
   bool shared() const { return is_shared(settings_.em); }
-  InitialState initial_state() const { return *settings_.em.initial_state; }
-  Ahead from_start() const { return {0, settings_.ahead.horizons, settings_.ahead.every}; }
   void begin() { work_.begin(words::plural(states_, "state")); }
 
-  // The number of held-out experiments.
-  Index experiments() const {
-    Index count = 0;
-    for (const FoldStart& fold : starts_) count += fold.data->held_out.experiments();
-    return count;
-  }
-
-  template <class Change>
-  void for_each_fold(Change&& change) const {
-    parallel_for(0, Index(starts_.size()), {settings_.threads, {}}, [&](Index begin, Index end) {
-      for (Index f = begin; f < end; ++f) change(size_t(f));
-    });
-  }
-
-  std::vector<Model> models_without_em() const {
-    std::vector<Model> models;
-    for (const FoldStart& fold : starts_) models.push_back(fold.without_em);
-    return models;
-  }
-
-  RefinementChoice chosen_without_em() const {
-    RefinementChoice choice;
-    choice.states = states_;
-    choice.error = without_em_.value;
-    choice.ahead_without_em = certainty(models_without_em());
-    return choice;
-  }
-
-  AheadCertainty certainty(const std::vector<Model>& models) const {
-    std::vector<const Ensemble*> held_out;
-    for (const FoldStart& fold : starts_) held_out.push_back(&fold.data->held_out);
-    return ahead_certainty(models, held_out, settings_.folds, initial_state(), settings_.threads);
-  }
-
-  // Infinite if a model has another number of states.
-  HeldOutError errors(const std::vector<Model>& models, const Ahead& ahead) const {
-    for (const Model& model : models)
-      if (model.steps() == 0 || model.states() != states_) return infinite_error(ahead, experiments());
-    std::vector<Squares> squares(models.size());
-    for_each_fold([&](size_t f) {
-      const Ensemble& held_out = starts_[f].data->held_out;
-      squares[f] = squares_of(predicted_by(models[f], held_out, initial_state(), ahead), held_out, ahead, &like_[f]);
-    });
-    return held_out_error(joined(squares), settings_.output_weights);
-  }
-
-  // Does EM predict clearly better than these subspace models, and not clearly worse by one step? EM that has spoiled
-  // its start needs more iterations. From unknown initial states it may also be better in the first steps alone.
-  // `after`: the errors after them.
-  bool improves(const Attempt& attempt, const HeldOutError& after, const Search& on) const {
-    const HeldOutError before = on.errors(on.models_without_em(), settings_.ahead);
-    const double gain = before.value - after.value, from_start = on.without_em_.value - attempt.error();
+  // Does EM predict clearly better than the subspace models, and not clearly worse by one step? EM that has spoiled its
+  // start needs more iterations. From unknown initial states it may also be better in the first steps alone. `after`:
+  // the errors after them.
+  bool improves(const Attempt& attempt, const HeldOutError& after) const {
+    const HeldOutError& before = without_em_.ahead();
+    const double gain = before.value - after.value, from_start = without_em_.error().value - attempt.error();
     return after.of_horizon(0) <= before.of_horizon(0) + std::log(most_uncertain) &&
            gain >= -std::log(most_uncertain) && std::max(gain, from_start) >= std::log(worth_it);
   }
@@ -283,7 +296,7 @@ class Search {
   // Is the attempt with fewer states surely worse than the one with the same λ and as many iterations? If steps share
   // their matrices, the errors decide, see chosen().
   bool excludes(const Attempt& fewer) const {
-    const double enough = errors_to_give_up(experiments());
+    const double enough = errors_to_give_up(without_em_.experiments());
     return std::any_of(attempts_.begin(), attempts_.end(), [&](const Attempt& own) {
       return same_smoothing(own.smoothing, fewer.smoothing) && own.iterations == fewer.iterations &&
              (shared() ? clearly_smaller(own.errors, fewer.errors, enough) : advantage(fewer, own) < -enough);
@@ -314,7 +327,7 @@ class Search {
 
   // Almost without noise, EM may spoil each start.
   bool lost() const {
-    return !attempts_.empty() && least_error(attempts_).error() > without_em_.value + std::log(hopeless);
+    return !attempts_.empty() && least_error(attempts_).error() > without_em_.error().value + std::log(hopeless);
   }
 
   // Moves from λ to λ while the likelihood rises.
@@ -353,7 +366,7 @@ class Search {
 
   // If no attempt predicts better than the subspace models, attempts with less penalty may: they stay closer to them.
   void approach_start() {
-    if (attempts_.empty() || least_error(attempts_).error() <= without_em_.value) return;
+    if (attempts_.empty() || least_error(attempts_).error() <= without_em_.error().value) return;
     const auto weaker = [](const Attempt& a, const Attempt& b) { return a.smoothing < b.smoothing; };
     double smoothing = std::min_element(attempts_.begin(), attempts_.end(), weaker)->smoothing;
     for (Index moves = 0; moves < most_moves; ++moves) {
@@ -421,7 +434,7 @@ class Search {
   Attempt in_first_stages(double smoothing, GoOn&& go_on) {
     Attempt now;
     now.smoothing = smoothing;
-    for (const FoldStart& fold : starts_) now.models.push_back(fold.start);
+    now.models = starts_;
     while (now.iterations < first_end(options(smoothing)))
       if (now = refined(std::move(now)); !go_on(now)) break;
     return now;
@@ -458,18 +471,19 @@ class Search {
     const Stage stage = stage_after(now.iterations, shared());
     std::vector<Vector> likelihoods(starts_.size());
     std::vector<char> converged(starts_.size());
-    for_each_fold([&](size_t f) {
+    without_em_.for_each_fold([&](size_t f) {
       Refinement fold = refined_fold(now.smoothing, stage, f, now.models[f]);
       now.models[f] = std::move(fold.model);
       converged[f] = fold.converged;
       if (now.models[f].steps() > 0)
-        likelihoods[f] = log_likelihoods_with(least_variance_[f], now.models[f], starts_[f].data->held_out);
+        likelihoods[f] =
+            log_likelihoods_with(without_em_.least_variance_of(f), now.models[f], settings_.data[f]->held_out);
     });
     const auto all = [](const auto& folds, auto&& holds) { return std::all_of(folds.begin(), folds.end(), holds); };
     now.likelihood.resize(0);
     if (all(likelihoods, [](const Vector& fold) { return fold.size() > 0; })) now.likelihood = stacked(likelihoods);
     now.converged = all(converged, [](char fold) { return fold != 0; });
-    now.errors = errors(now.models, from_start());
+    now.errors = without_em_.errors(now.models, states_, without_em_.from_start());
     now.iterations += stage.iterations;
     trials_.push_back({states_, now.smoothing, now.iterations, now.error(),
                        now.sum() / std::max(1.0, double(now.likelihood.size()))});
@@ -491,7 +505,7 @@ class Search {
     try {
       RefineOptions o = options(smoothing);
       o.execution.progress = work_.counted();
-      return refined_in(stage, start, starts_[f].data->training, samples_[f], o);
+      return refined_in(stage, start, settings_.data[f]->training, samples_[f], o);
     } catch (const std::runtime_error&) {
       return {};
     }
@@ -505,45 +519,56 @@ class Search {
   }
 
   const RefinementSettings& settings_;
+  const WithoutEm& without_em_;
   Index states_;
   std::vector<Index> jumps_;
-  std::vector<FoldStart> starts_;
+  std::vector<Model> starts_;
   SearchProgress& work_;
   std::vector<RefinementTrial>& trials_;
   std::vector<std::optional<em::Data>> samples_;  // of the training data of each fold
-  std::vector<Predicted> like_;                   // by the models without EM
-  std::vector<Vector> least_variance_;            // as in least_variance, of each fold
-  HeldOutError without_em_;
-  std::vector<Attempt> attempts_;  // that did not fail
-  std::vector<double> tried_;      // λ of all attempts, also of those that failed
+  std::vector<Attempt> attempts_;                 // that did not fail
+  std::vector<double> tried_;                     // λ of all attempts, also of those that failed
   bool raced_ = false;
 };
 
 }  // namespace
 
-RefinementOfFolds choose_refinement(Index states, bool or_fewer, const FoldStarts& starts,
+RefinementOfFolds choose_refinement(Index states, std::vector<Model> models, bool or_fewer, const FoldStarts& starts,
                                     const RefinementSettings& settings, SearchProgress& work) {
-  std::vector<RefinementTrial> trials;
+  const WithoutEm without_em(states, std::move(models), settings);
+  std::vector<RefinementTrial> trials{{.states = states, .error = without_em.error().value}};
   const auto search = [&](Index n, const std::vector<Index>& jumps) {
-    return std::make_shared<Search>(starts(n), n, jumps, settings, work, trials);
+    return std::make_shared<Search>(starts(n), n, jumps, without_em, settings, work, trials);
   };
   const std::shared_ptr<Search> plain = search(states, settings.em.jumps);
   plain->run();
   std::shared_ptr<Search> best = plain;
-  // One number that does not suffice may split a pair of eigenvalues.
-  if (or_fewer && plain->helps())
-    for (Index n = states - 1, failed = 0; n > 0 && failed < 2; --n) {
+  if (or_fewer && plain->helps()) {
+    std::set<Index> too_few;
+    const auto suffice = [&](Index n) {
+      if (n < 1 || too_few.contains(n)) return false;
       const std::shared_ptr<Search> fewer = search(n, best->jumps());
       fewer->run_beside(*best);
-      if (fewer->suffices_for(*best))
-        best = fewer, failed = 0;
+      const bool does = fewer->suffices_for(*best);
+      if (does)
+        best = fewer;
       else
-        ++failed;
-    }
+        too_few.insert(n);
+      return does;
+    };
+    Index less = 1;
+    while (suffice(best->states() - less)) less *= 2;
+    for (; less > 1; less /= 2) suffice(best->states() - less / 2);
+    // One number that does not suffice may split a pair of eigenvalues.
+    while (suffice(best->states() - 1) || suffice(best->states() - 2)) continue;
+  }
   best->finish(nullptr);
-  std::optional<RefinementOfFolds> result = best->better_than(*plain);
-  if (!result && best != plain) result = plain->better_than(*plain);
-  if (!result) result = plain->without_em();
+  std::optional<RefinementOfFolds> result = best->improved();
+  if (!result && best != plain) result = plain->improved();
+  if (!result) {
+    result = without_em.result();
+    if (plain->smoothing()) result->choice.smoothing = *plain->smoothing();
+  }
   result->choice.trials = std::move(trials);
   return std::move(*result);
 }

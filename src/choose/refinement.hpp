@@ -26,14 +26,8 @@ Index next_stage_end(Index iterations);
 // Was EM best after so few iterations that more are not tried?
 bool stopped_early(Index iterations, const RefineOptions& options);
 
-// The models of one fold, of departures.
-struct FoldStart {
-  const Split* data = nullptr;
-  Model start;       // EM begins with it
-  Model without_em;  // the same, which predicts from step 0 on
-};
-// The starts of all folds, with so many states.
-using FoldStarts = std::function<std::vector<FoldStart>(Index states)>;
+// The models of the folds that EM begins with, with so many states.
+using FoldStarts = std::function<std::vector<Model>(Index states)>;
 
 struct RefinementSettings {
   RefineOptions em;                   // period, initial state (needed), feedthrough and jumps, as in Plan
@@ -41,7 +35,8 @@ struct RefinementSettings {
   std::optional<double> stated = {};  // λ, if it is stated
   Vector output_weights;              // (m), needed
   Ahead ahead;                        // `from`: where the observers have settled
-  Index folds = 1;                    // of all experiments; those with models may be fewer
+  std::vector<const Split*> data;     // departures of the folds that have models
+  Index folds = 1;                    // of all experiments
   int threads = 1;
 };
 
@@ -50,9 +45,11 @@ struct RefinementOfFolds {
   std::vector<Model> models;  // of the folds, by EM if it is used
 };
 
+// `models`: of the folds, with so many states and without EM, which predict from step 0 on.
 // `or_fewer`: fewer states are used if the likelihood is hardly lower and the errors are at most `most_uncertain`
-// larger. One number that fails is passed over. `work` counts iterations of one fold.
-RefinementOfFolds choose_refinement(Index states, bool or_fewer, const FoldStarts& starts,
+// larger. They become fewer by steps that double while this holds, and halve after; at last one and two fewer fail.
+// `work` counts iterations of one fold.
+RefinementOfFolds choose_refinement(Index states, std::vector<Model> models, bool or_fewer, const FoldStarts& starts,
                                     const RefinementSettings& settings, SearchProgress& work);
 
 }  // namespace tokid
