@@ -140,11 +140,15 @@ Ensemble late(Index experiments, std::uint64_t seed, double noise) {
   return e;
 }
 
+RegressionErrors::Found best(const Rivals& rivals, const RegressionErrors& errors, const std::vector<Squares>& models) {
+  return best_regression(rivals, errors, errors.found(rivals.lags, rivals.smoothing, rivals.jumps), models);
+}
+
 TEST(Rivals, SeeInputsBeyondTheLagsOfTheChoice) {
   SmoothingOptions o;
   o.lags = {1, 2, 4, 8, 12, 16, 24};
   const RegressionErrors errors(late(24, 3, 0.1), o, 3, IdentifyOptions().horizons);
-  EXPECT_GE(best_regression({o, 2, 100.0}, errors, errors.squares(0, 3, 2, 100.0)).lags, 16);
+  EXPECT_GE(best({o, 2, 100.0}, errors, errors.squares(0, 3, 2, 100.0)).lags, 16);
 }
 
 // More lags have more coefficients, and need a larger λ.
@@ -155,13 +159,13 @@ TEST(Rivals, HaveTheirOwnSmoothing) {
   o.lags = {1, 2, 4, 8, 12, 16, 24};
   const RegressionErrors errors(e, o, 3, IdentifyOptions().horizons);
   const Rivals rivals{o, 2, 0.1};
-  const RegressionErrors::Found found = best_regression(rivals, errors, errors.squares(0, 3, 2, 0.1));
+  const RegressionErrors::Found found = best(rivals, errors, errors.squares(0, 3, 2, 0.1));
   EXPECT_GE(found.lags, 16);
   EXPECT_GT(found.smoothing, 1.0);
   EXPECT_TRUE(std::isfinite(found.smoothing));
   EXPECT_LT(found.error.value, errors.found(found.lags, 0.1).error.value);
   const RegressionErrors::Found constant =
-      best_regression({o, 16, std::numeric_limits<double>::infinity()}, errors, errors.squares(0, 3, 2, 0.1));
+      best({o, 16, std::numeric_limits<double>::infinity()}, errors, errors.squares(0, 3, 2, 0.1));
   EXPECT_TRUE(std::isfinite(constant.smoothing));
 }
 
@@ -173,10 +177,10 @@ TEST(Rivals, AreGivenUpWhereHopeless) {
   const std::vector<Squares> as_good = errors.squares(0, 3, 8, std::numeric_limits<double>::infinity());
   std::vector<Squares> hopeless = as_good;
   for (Squares& fold : hopeless) fold.errors *= 1e-4;
-  const RegressionErrors::Found found = best_regression(rivals, errors, as_good);
+  const RegressionErrors::Found found = best(rivals, errors, as_good);
   EXPECT_FALSE(rivals.chose(found));
   EXPECT_FALSE(surely_smaller(found.error, errors.error_of(as_good)));
-  EXPECT_TRUE(rivals.chose(best_regression(rivals, errors, hopeless)));
+  EXPECT_TRUE(rivals.chose(best(rivals, errors, hopeless)));
 }
 
 bool holds(const Ensemble& e, Index lags, double smoothing) {

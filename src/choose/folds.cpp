@@ -88,7 +88,7 @@ HeldOutError Folds::error_of(Index states, Weighting weighting, double smoothing
       complete[f] = 1;
     }
   });
-  if (std::find(complete.begin(), complete.end(), 0) != complete.end()) return infinite_error(ahead_, 0);
+  if (std::find(complete.begin(), complete.end(), 0) != complete.end()) return {};
   return held_out_error(joined(found), weights_of(options_.output_weights, folds_.front().arx.outputs));
 }
 

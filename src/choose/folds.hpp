@@ -2,7 +2,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <functional>
 #include <map>
 #include <optional>
 #include <vector>
@@ -18,7 +17,7 @@ namespace tokid {
 
 class Folds {
  public:
-  // The number of folds that are used, of all folds of so many experiments: not more than the comparisons need.
+  // The number of folds that are used, of all folds of so many experiments: three, or as many as hold out 20.
   static Index validating(Index experiments);
 
   struct Options {
@@ -41,7 +40,7 @@ class Folds {
   std::vector<Model> models_of(const OrderScores& scores, Index states) const;
   // The same models, but predicting from step 0 on.
   std::vector<Model> from_first_step(std::vector<Model> models) const;
-  // Of the predictions by these models of the first folds, of the experiments that each fold holds out.
+  // Of the predictions by these models, of the experiments that each fold holds out.
   std::vector<Squares> squares(const std::vector<Model>& models, const Ahead& ahead) const;
   // The pointers to the data stay valid as long as the folds.
   RefinementSettings refinement_settings() const;

@@ -254,13 +254,10 @@ struct BegunByFolds {
   std::vector<Model> with_states(Index n) const { return n == scores.best ? of_folds : folds.models_of(scores, n); }
 };
 
-// The same with EM, if it was tried.
+// Its EM, if that was tried.
 struct ChosenByFolds {
-  Plan plan;
-  OrderScores scores;
   Model start;  // of all data, without EM
   std::optional<RefinementOfFolds> refinement;
-  std::vector<Squares> squares, of_start;  // of the models of the folds, if these errors are asked for
 };
 
 TimeVariation of_selection(TimeVariation variation, const Selection& selection) {
@@ -308,13 +305,11 @@ BegunByFolds begun_by_folds(const Ensemble& data, const Selection& selected, con
   return result;
 }
 
-// `of_start`: begun.squares(*ahead)
-ChosenByFolds chosen_by_folds(BegunByFolds begun, const std::vector<Squares>& of_start, const Ensemble& data,
-                              const Selection& selected, const Ahead* ahead, const IdentifyOptions& options,
-                              const BeforeEm& before_em, SearchProgress& work) {
+ChosenByFolds chosen_by_folds(const BegunByFolds& begun, const Ensemble& data, const Selection& selected,
+                              const IdentifyOptions& options, const BeforeEm& before_em, SearchProgress& work) {
   const Plan& plan = begun.plan;
   const Index n = begun.model.states();
-  ChosenByFolds result{plan, begun.scores, begun.model, {}, of_start, of_start};
+  ChosenByFolds result{begun.model, {}};
   if (!tries_em(data, selected, plan, options) || n == 0 || n < plan.states) return result;
   result.start = with_first_steps(result.start, data, plan.initial_state, options.execution.threads);
   // A stated λ is the λ of the ARX model, not of EM. Only a stated λ of 0 is also the λ of EM.
@@ -325,15 +320,14 @@ ChosenByFolds chosen_by_folds(BegunByFolds begun, const std::vector<Squares>& of
   const auto starts = [&](Index states) { return begun.with_states(states); };
   result.refinement = choose_refinement(plan.states, begun.folds.from_first_step(starts(plan.states)), !options.states,
                                         starts, settings, work);
-  if (ahead) result.squares = begun.folds.squares(result.refinement->models, *ahead);
   return result;
 }
 
 // The model of all data with these choices.
-void realise_by_folds(const Ensemble& data, const Selection& selected, const GtvArx& arx, ChosenByFolds chosen,
-                      const IdentifyOptions& options, SearchProgress& work, Realised& result) {
-  Plan& plan = result.plan = std::move(chosen.plan);
-  result.order_scores = std::move(chosen.scores);
+void realise_by_folds(const Ensemble& data, const Selection& selected, const GtvArx& arx, const BegunByFolds& begun,
+                      ChosenByFolds chosen, const IdentifyOptions& options, SearchProgress& work, Realised& result) {
+  Plan& plan = result.plan = begun.plan;
+  result.order_scores = begun.scores;
   result.model = std::move(chosen.start);
   if (!chosen.refinement) return;
   RefinementChoice& choice = chosen.refinement->choice;
@@ -412,45 +406,51 @@ auto if_possible(Call&& call) -> std::optional<decltype(call())> {
   return std::nullopt;
 }
 
-// A subspace realisation with p and λ of another regression.
-struct Other {
-  Regressed regression;
+// A subspace realisation, its EM, and the errors of both.
+struct Candidate {
   BegunByFolds begun;
-  OrderScores scores;
-  std::vector<Squares> squares;
+  std::vector<Squares> of_start, of_model;
+  std::optional<ChosenByFolds> chosen = {};
+
+  bool refined() const { return chosen && chosen->refinement && chosen->refinement->choice.iterations > 0; }
 };
 
-Other begun_as(const RegressionErrors::Found& rival, const Ensemble& data, const Selection& selected, bool nominal,
-               const Ahead& ahead, const IdentifyOptions& options) {
-  Regressed own = regressed_as(rival, data, selected, nominal, options);
-  BegunByFolds begun = begun_by_folds(data, selected, as_asked(data, own.plan, options), own.arx, options);
-  OrderScores scores = begun.scores;
-  std::vector<Squares> squares = begun.squares(ahead);
-  return {std::move(own), std::move(begun), std::move(scores), std::move(squares)};
-}
-
-// Subspace realisation and EM. If another regression predicts surely better than the result, EM also starts with its p
-// and λ, and the better one of both models is used. A regression that predicts surely better than this is the model
-// itself. It is the model without any EM if the realisations with both p and λ predict far worse.
+// Subspace realisation and EM. If another regression predicts surely better than the result, or than the chosen
+// regression where EM brings nothing, its p and λ are tried, too, and the better one of both models is used. A
+// regression that predicts surely better than this is the model itself. It is the model without any EM if the
+// realisations with both p and λ predict far worse.
 void realise_by_folds(const Ensemble& data, const Selection& selected, Regressed& regression,
                       const IdentifyOptions& options, const BeforeEm& before_em, Realised& result) {
   SearchProgress work(in_stage(options.execution, WorkStage::em), usual_iterations);
   BegunByFolds begun = begun_by_folds(data, selected, result.plan, regression.arx, options);
   const std::optional<Rivals> rivals = regression.rivals;
   if (!rivals || begun.scores.best == 0)
-    return realise_by_folds(data, selected, regression.arx,
-                            chosen_by_folds(std::move(begun), {}, data, selected, nullptr, options, before_em, work),
-                            options, work, result);
-  const RegressionErrors errors(*selected.samples, rivals->options,
-                                Folds::validating(selected.samples->experiments()), options.horizons);
+    return realise_by_folds(data, selected, regression.arx, begun,
+                            chosen_by_folds(begun, data, selected, options, before_em, work), options, work, result);
+  const RegressionErrors errors(*selected.samples, rivals->options, Folds::validating(selected.samples->experiments()),
+                                options.horizons);
   const Ahead& ahead = errors.ahead();
-  const std::vector<Squares> of_begun = begun.squares(ahead);
-  const RegressionErrors::Found leader = best_regression(*rivals, errors, of_begun);
+  const auto candidate = [&](BegunByFolds by) {
+    std::vector<Squares> squares = by.squares(ahead);
+    return Candidate{std::move(by), squares, squares};
+  };
+  const auto choose = [&](Candidate& c, const BeforeEm& before) {
+    c.chosen = chosen_by_folds(c.begun, data, selected, options, before, work);
+    if (c.chosen->refinement) c.of_model = c.begun.folds.squares(c.chosen->refinement->models, ahead);
+  };
+  Candidate own = candidate(std::move(begun));
+  const RegressionErrors::Found regressed = errors.found(rivals->lags, rivals->smoothing, rivals->jumps),
+                                leader = best_regression(*rivals, errors, regressed, own.of_start);
   const bool rival_leads = !rivals->chose(leader);
-  std::optional<Other> other;
+  std::optional<Regressed> of_leader;
+  std::optional<Candidate> other;
   const auto begin_other = [&] {
     if (!other)
-      other = if_possible([&] { return begun_as(leader, data, selected, regression.plan.nominal, ahead, options); });
+      other = if_possible([&] {
+        of_leader = regressed_as(leader, data, selected, regression.plan.nominal, options);
+        return candidate(
+            begun_by_folds(data, selected, as_asked(data, of_leader->plan, options), of_leader->arx, options));
+      });
     return other.has_value();
   };
   std::optional<bool> holds;
@@ -459,42 +459,38 @@ void realise_by_folds(const Ensemble& data, const Selection& selected, Regressed
     if (!holds) holds = holds_with_nearly_all(leader, errors, *selected.samples, rivals->options);
     return *holds;
   };
-  const auto keep = [&](OrderScores scores) {
+  const auto keep = [&] {
     result.instead = rival_leads;
-    if (rival_leads) regression = std::move(other->regression);
-    keep_regression(data, regression, std::move(scores), options, result);
+    if (rival_leads) regression = std::move(*of_leader);
+    keep_regression(data, regression, rival_leads ? other->begun.scores : own.begun.scores, options, result);
     result.comparison = comparison_of(errors, leader.squares, leader);
   };
-  const auto far_worse = [&](const std::vector<Squares>& of_start) {
-    return of_start.empty() || far_smaller(leader.error, errors.error_of(of_start));
+  const auto far_worse = [&](const Candidate& c) {
+    return c.of_start.empty() || far_smaller(leader.error, errors.error_of(c.of_start));
   };
-  if (far_worse(of_begun) && may_keep() && (!rival_leads || far_worse(other->squares)))
-    return keep(rival_leads ? other->scores : begun.scores);
+  const auto leads = [&](const Candidate& c) { return surely_smaller(leader.error, errors.error_of(c.of_model)); };
+  if (far_worse(own) && may_keep() && (!rival_leads || far_worse(*other))) return keep();
 
-  ChosenByFolds chosen = chosen_by_folds(std::move(begun), of_begun, data, selected, &ahead, options, before_em, work);
-  HeldOutError of_model = errors.error_of(chosen.squares);
+  choose(own, before_em);
   // From unknown initial states, steps that share one regression can't predict the first outputs.
   const bool late = options.period > 0 && regression.plan.initial_state == InitialState::unknown,
-             keeps = chosen.refinement && !late && surely_smaller(leader.error, of_model) && may_keep();
-  bool instead = false;
+             keeps = own.chosen->refinement && !late && leads(own) && may_keep();
   // From a start that is far worse, EM would not make the model better than the regression. From one of nearly as many
   // states, it takes long and makes the model hardly simpler.
-  if (rival_leads && surely_smaller(leader.error, of_model) && begin_other() &&
-      !(keeps && (far_worse(other->squares) || 2 * other->scores.best > leader.lags * data.outputs()))) {
-    std::optional<ChosenByFolds> found = if_possible([&] {
-      return chosen_by_folds(std::move(other->begun), other->squares, data, selected, &ahead, options, {}, work);
-    });
-    if (found && !found->squares.empty())
-      if (HeldOutError error = errors.error_of(found->squares); error.value < of_model.value)
-        chosen = std::move(*found), of_model = std::move(error), instead = true;
+  const auto hopeless = [&] {
+    return far_worse(*other) || 2 * other->begun.scores.best > leader.lags * data.outputs();
+  };
+  if (rival_leads && (leads(own) || (!own.refined() && surely_smaller(leader.error, regressed.error))) &&
+      begin_other() && !other->of_start.empty() && !(keeps && hopeless())) {
+    const bool found = if_possible([&] { return choose(*other, {}), true; }).has_value();
+    result.instead = found && surely_smaller(errors.error_of(other->of_model), errors.error_of(own.of_model));
   }
-  if (keeps && surely_smaller(leader.error, of_model)) return keep(rival_leads ? other->scores : chosen.scores);
-  result.instead = instead;
-  if (instead) regression = std::move(other->regression);
-  const std::vector<Squares> by_em = std::move(chosen.squares), of_start = std::move(chosen.of_start);
-  realise_by_folds(data, selected, regression.arx, std::move(chosen), options, work, result);
+  const Candidate& best = result.instead ? *other : own;
+  if (keeps && leads(best)) return keep();
+  if (result.instead) regression = std::move(*of_leader);
+  realise_by_folds(data, selected, regression.arx, best.begun, *best.chosen, options, work, result);
   const bool refined = result.plan.choices.refinement_iterations > 0;
-  result.comparison = comparison_of(errors, joined(refined ? by_em : of_start), leader);
+  result.comparison = comparison_of(errors, joined(refined ? best.of_model : best.of_start), leader);
 }
 
 }  // namespace

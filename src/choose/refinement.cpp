@@ -157,7 +157,7 @@ class WithoutEm {
     return count;
   }
 
-  // Of other models. Infinite if one has another number of states.
+  // Of any models of the folds. Infinite if one has another number of states.
   HeldOutError errors(const std::vector<Model>& models, Index states, const Ahead& ahead) const {
     for (const Model& model : models)
       if (model.steps() == 0 || model.states() != states) return infinite_error(ahead, experiments());

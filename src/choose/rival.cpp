@@ -76,8 +76,7 @@ class Race {
 }  // namespace
 
 RegressionErrors::Found best_regression(const Rivals& rivals, const RegressionErrors& errors,
-                                        const std::vector<Squares>& of_models) {
-  RegressionErrors::Found chosen = errors.found(rivals.lags, rivals.smoothing, rivals.jumps);
+                                        RegressionErrors::Found chosen, const std::vector<Squares>& of_models) {
   if (rivals.stated) return chosen;
   const std::vector<Index>& orders = rivals.options.lags;
   Race race(errors, of_models, std::move(chosen));

@@ -23,10 +23,11 @@ struct Rivals {
 };
 
 // The regression with the smallest errors: the chosen one, or one with more lags, one model for all steps, or variation
-// where one model for all steps was chosen. `errors`: of regressions with these options. `of_models`: for each fold of
-// the errors. A regression is given up after the first fold if that leaves it no chance against the models.
+// where one model for all steps was chosen. `errors`: of regressions with these options. `chosen`: the chosen one.
+// `of_models`: for each fold of the errors. A regression is given up after the first fold if that leaves it no chance
+// against the models.
 RegressionErrors::Found best_regression(const Rivals& rivals, const RegressionErrors& errors,
-                                        const std::vector<Squares>& of_models);
+                                        RegressionErrors::Found chosen, const std::vector<Squares>& of_models);
 
 // Does the regression predict better by one standard error, and by `most_uncertain`, since it has many states?
 bool surely_smaller(const HeldOutError& regression, const HeldOutError& model);

@@ -59,7 +59,7 @@ class Riccati {
     for (size_t s = 0; s < size_t(period); ++s) {
       const Matrix& sigma = noise_.innovation[s % noise_.innovation.size()];
       Matrix whitener;
-      if (sigma.rows() < sigma.cols() || missing_noise(sigma).rows() > 0) return;
+      if (!(sigma.norm() > 0) || sigma.rows() < sigma.cols() || missing_noise(sigma).rows() > 0) return;
       linalg::inverse_root(kalman::covariance_of(sigma), whitener);
       const auto& step = model_.step[s];
       const Stretch one{step.A() + step.G() * step.C(), noise_.state[s % noise_.state.size()], whitener * step.C()};
@@ -69,8 +69,9 @@ class Riccati {
       const Matrix before = all->covariance();
       all = joined(*all, *all);
       if (!all->finite()) return;
+      if (!((all->covariance() - before).norm() <= settled * before.norm())) continue;
       root_ = all->c;
-      if ((all->covariance() - before).norm() <= settled * before.norm()) return;
+      return;
     }
   }
 

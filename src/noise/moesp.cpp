@@ -106,6 +106,7 @@ class Moesp {
         end = stretch_end(n, begin);
         if (end > begin) rows.add(stretch_rows(n, begin, end, b));
       }
+    free_.clear();
     const Matrix factor = rows.factor();
     const Vector scale = linalg::inverse_norms(factor.leftCols(unknowns));
     const Vector theta = scale.asDiagonal() * linalg::minimum_norm(factor.leftCols(unknowns) * scale.asDiagonal(),
@@ -120,8 +121,8 @@ class Moesp {
   }
 
   // The outputs of the states at the first step of a stretch, relative to their sizes: C_k Φ_{k,begin} (m × n) of the
-  // steps from `begin` on. They are the same for all experiments. Grows up to the step before which a state grows by
-  // more than most_growth.
+  // steps from `begin` on. They depend on the phase of `begin` alone. They end where a state has grown by more than
+  // most_growth.
   struct FreeResponse {
     std::vector<Matrix> outputs;
     Matrix growth;  // Φ of the next step
@@ -129,7 +130,7 @@ class Moesp {
 
   // Does the response reach the step `begin` + `after`?
   bool reaches(Index begin, Index after) {
-    FreeResponse& free = free_[begin];
+    FreeResponse& free = free_[variation_.group(begin)];
     if (free.outputs.empty()) free.growth = Matrix::Identity(n_, n_);
     while (Index(free.outputs.size()) <= after && free.growth.norm() < most_growth * std::sqrt(double(n_))) {
       const Step& step = model_.step[size_t(variation_.group(begin + Index(free.outputs.size())))];
@@ -151,7 +152,7 @@ class Moesp {
   Matrix stretch_rows(Index n, Index begin, Index end, Index b) const {
     const bool known = begin == 0 && from_rest_;
     const Index start = known ? 0 : n_, unknowns = b + groups_ * m_ * through_;
-    const std::vector<Matrix>& free = free_.at(begin).outputs;
+    const std::vector<Matrix>& free = free_.at(variation_.group(begin)).outputs;
     Matrix rows = Matrix::Zero((end - begin) * m_, start + unknowns + 1);
     Matrix x = Matrix::Zero(n_, b);  // ∂x_k / ∂B
     Index used = 0;
@@ -227,7 +228,7 @@ class Moesp {
   Index groups_, r_, m_, through_, lags_, n_ = 0;  // through_: number of inputs with feedthrough
   bool from_rest_, noisy_;
   Vector sizes_;
-  std::map<Index, FreeResponse> free_;     // of each first step
+  std::map<Index, FreeResponse> free_;     // of the phase of the first step
   std::shared_ptr<const Matrix> windows_;  // of the only group of a long record: the factor of its windows
   double windows_count_ = 0.0;
   Model model_;
