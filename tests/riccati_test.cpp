@@ -105,27 +105,41 @@ TEST(FilterGains, OfAPeriodicModelAreSteadyAllAround) {
     }
 }
 
-// The errors of this filter fall by 1e-5 a step: 1000 repetitions do not reach the limit.
-TEST(FilterGains, OfASlowFilterAreThoseOfTheLimit) {
-  constexpr double a = 1.0, q = 1e-10, r = 1.0;  // x⁺ = x + w, y = x + ε
+// x⁺ = a x + w, y = x + ε with variances q and r
+Model with_filter_gains(double a, double q, double r) {
   Model model;
   model.inputs = model.outputs = 1;
   model.period = 1;
-  Matrix one = Matrix::Constant(1, 1, a), zero = Matrix::Zero(1, 1);
-  for (int k = 0; k < 5; ++k) model.step.emplace_back(one, zero, one, zero, zero);
+  const auto scalar = [](double value) { return Matrix(Matrix::Constant(1, 1, value)); };
+  for (int k = 0; k < 5; ++k) model.step.emplace_back(scalar(a), scalar(0), scalar(1), scalar(0), scalar(0));
   NoiseRoots noise;
-  noise.innovation = {Matrix::Constant(1, 1, std::sqrt(r))};
-  noise.state = {Matrix::Constant(1, 1, std::sqrt(q))};
+  noise.innovation = {scalar(std::sqrt(r))};
+  noise.state = {scalar(std::sqrt(q))};
   noise.output_size = Vector::Ones(1);
   filter_gains(model, noise);
+  return model;
+}
+
+// The errors of this filter fall by 1e-5 a step: 1000 repetitions do not reach the limit.
+TEST(FilterGains, OfASlowFilterAreThoseOfTheLimit) {
+  constexpr double q = 1e-10, r = 1.0;
   // P = P - P²/(P + r) + q, so P² = q P + q r
   const double p = (q + std::sqrt(q * q + 4 * q * r)) / 2, gain = p / (p + r);
   // Relative rounding errors of each step, which the steps contract by (1 - gain)².
   const double tolerance = epsilon / (1 - (1 - gain) * (1 - gain));
-  for (const Step& step : model.step) {
+  for (const Step& step : with_filter_gains(1.0, q, r).step) {
     EXPECT_NEAR(step.G()(0, 0), -gain, tolerance * gain);
     EXPECT_NEAR(step.innovation_cov()(0, 0), p + r, 4 * epsilon);
   }
+}
+
+// An exact output tells the state, also if the plant is unstable.
+TEST(FilterGains, OfExactOutputsFollowThem) {
+  for (const double a : {0.5, 1.0, 2.0})
+    for (const Step& step : with_filter_gains(a, 0.25, 0.0).step) {
+      EXPECT_NEAR(step.G()(0, 0), -a, 4 * epsilon * a);
+      EXPECT_NEAR(step.innovation_cov()(0, 0), 0.25, epsilon);
+    }
 }
 
 TEST(FilterGains, FollowVaryingStateDimensions) {
