@@ -178,9 +178,9 @@ TEST(Rivals, AreGivenUpWhereHopeless) {
   std::vector<Squares> hopeless = as_good;
   for (Squares& fold : hopeless) fold.errors *= 1e-4;
   const RegressionErrors::Found found = best(rivals, errors, as_good);
-  EXPECT_FALSE(rivals.chose(found));
+  EXPECT_GT(found.lags, rivals.lags);
   EXPECT_FALSE(surely_smaller(found.error, errors.error_of(as_good)));
-  EXPECT_TRUE(rivals.chose(best(rivals, errors, hopeless)));
+  EXPECT_EQ(best(rivals, errors, hopeless).lags, rivals.lags);
 }
 
 bool holds(const Ensemble& e, Index lags, double smoothing) {

@@ -415,10 +415,10 @@ struct Candidate {
   bool refined() const { return chosen && chosen->refinement && chosen->refinement->choice.iterations > 0; }
 };
 
-// Subspace realisation and EM. If another regression predicts surely better than the result, or than the chosen
-// regression where EM brings nothing, its p and λ are tried, too, and the better one of both models is used. A
-// regression that predicts surely better than this is the model itself. It is the model without any EM if the
-// realisations with both p and λ predict far worse.
+// Subspace realisation and EM. If another regression predicts surely better than the chosen one, and than the result or
+// where EM brings nothing, its p and λ are tried, too, and used if that predicts surely better. A regression that
+// predicts surely better than this is the model itself. It is the model without any EM if the realisations with both p
+// and λ predict far worse.
 void realise_by_folds(const Ensemble& data, const Selection& selected, Regressed& regression,
                       const IdentifyOptions& options, const BeforeEm& before_em, Realised& result) {
   SearchProgress work(in_stage(options.execution, WorkStage::em), usual_iterations);
@@ -439,9 +439,12 @@ void realise_by_folds(const Ensemble& data, const Selection& selected, Regressed
     if (c.chosen->refinement) c.of_model = c.begun.folds.squares(c.chosen->refinement->models, ahead);
   };
   Candidate own = candidate(std::move(begun));
+  // Another regression counts only if it is surely better than the chosen one. Of many that are tried, one seems better
+  // by chance.
   const RegressionErrors::Found regressed = errors.found(rivals->lags, rivals->smoothing, rivals->jumps),
-                                leader = best_regression(*rivals, errors, regressed, own.of_start);
-  const bool rival_leads = !rivals->chose(leader);
+                                best_found = best_regression(*rivals, errors, regressed, own.of_start);
+  const bool rival_leads = surely_smaller(best_found.error, regressed.error);
+  const RegressionErrors::Found& leader = rival_leads ? best_found : regressed;
   std::optional<Regressed> of_leader;
   std::optional<Candidate> other;
   const auto begin_other = [&] {
@@ -480,8 +483,8 @@ void realise_by_folds(const Ensemble& data, const Selection& selected, Regressed
   const auto hopeless = [&] {
     return far_worse(*other) || 2 * other->begun.scores.best > leader.lags * data.outputs();
   };
-  if (rival_leads && (leads(own) || (!own.refined() && surely_smaller(leader.error, regressed.error))) &&
-      begin_other() && !other->of_start.empty() && !(keeps && hopeless())) {
+  if (rival_leads && (leads(own) || !own.refined()) && begin_other() && !other->of_start.empty() &&
+      !(keeps && hopeless())) {
     const bool found = if_possible([&] { return choose(*other, {}), true; }).has_value();
     result.instead = found && surely_smaller(errors.error_of(other->of_model), errors.error_of(own.of_model));
   }
