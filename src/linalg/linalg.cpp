@@ -36,17 +36,10 @@ Matrix triangular_factor(Matrix& a) {
   const Index size = std::min(a.rows(), a.cols());
   if (size == 0) return Matrix(0, a.cols());
   constexpr Index cached = Index{1} << 15;  // entries in 256 KiB; Eigen factorises larger matrices in blocks of columns
-  if (a.size() > cached) {
+  if (a.size() > cached)
     const Eigen::HouseholderQR<Eigen::Ref<Matrix>> in_place(a);
-  } else {
-    for (Index k = 0; k < size; ++k) {
-      double* pivot = &a(k, k);
-      const Index below = a.rows() - k - 1, right = a.cols() - k - 1, stride = a.outerStride();
-      const double tau = make_reflection(*pivot, pivot + 1, below);
-      if (tau != 0.0 && right > 0)
-        reflect(pivot + 1, below, tau, {pivot + stride, stride, pivot + stride + 1, stride}, right);
-    }
-  }
+  else
+    triangularise(a, a.rows());
   return a.topRows(size).triangularView<Eigen::Upper>();
 }
 

@@ -81,6 +81,17 @@ class Eliminator {
   Matrix above_, below_;
 };
 
+Matrix triangular(Matrix rows) {
+  return rows.rows() <= rows.cols() && rows.isUpperTriangular(0.0) ? rows : linalg::triangular_factor(rows);
+}
+
+// The triangular factor of what is known about the coefficients (at most L rows) and of the rows of a step.
+Matrix with_step(const Matrix& known, const Matrix& rows) {
+  Matrix both = linalg::stacked(known, triangular(rows));
+  linalg::triangularise(both, known.rows());
+  return both.topRows(std::min(both.rows(), both.cols())).triangularView<Eigen::Upper>();
+}
+
 }  // namespace
 
 std::vector<Matrix> random_walk_regression(const std::vector<Matrix>& rows, Index regressors, const Vector& stiffness,
@@ -93,7 +104,6 @@ std::vector<Matrix> random_walk_regression(const std::vector<Matrix>& rows, Inde
     for (size_t g = 0; g < steps; ++g) x[g] = determined_by(rows[g], regressors);
     return x;
   }
-  const auto triangular = [](Matrix both) { return linalg::triangular_factor(both); };
   if (!stiffness.allFinite()) {
     Matrix all = triangular(rows[0]);
     for (size_t g = 1; g < steps; ++g)
@@ -110,7 +120,7 @@ std::vector<Matrix> random_walk_regression(const std::vector<Matrix>& rows, Inde
     const bool is_loose = std::binary_search(loose.begin(), loose.end(), Index(g) + 1);
     eliminated[g] =
         eliminator.run(known.topRows(std::min(known.rows(), regressors)), next, is_loose ? loose_share : 1.0);
-    known = triangular(linalg::stacked(next, rows[g + 1]));
+    known = with_step(next, rows[g + 1]);
   }
   x[steps - 1] = determined_by(known.topRows(std::min(known.rows(), regressors)), regressors);
   for (size_t g = steps - 1; g-- > 0;) {
@@ -131,8 +141,7 @@ std::vector<Matrix> known_up_to(const std::vector<Matrix>& rows, const Vector& s
   Eliminator eliminator(stiffness, rows[0].cols() - l);
   Matrix next(0, rows[0].cols());
   for (const Matrix& own : rows) {
-    Matrix both = linalg::stacked(next, own);
-    both = linalg::triangular_factor(both);
+    const Matrix both = with_step(next, own);
     known.emplace_back(both.topRows(std::min(both.rows(), l)));
     eliminator.run(known.back(), next);
   }
@@ -147,8 +156,7 @@ double least_squares(Matrix known, const std::vector<const Matrix*>& rows, Index
   Matrix next;
   for (const Matrix* own : rows) {
     eliminator.run(known, next, share);
-    Matrix both = linalg::stacked(next, *own);
-    both = linalg::triangular_factor(both);
+    const Matrix both = with_step(next, *own);
     const Index left = std::max<Index>(0, both.rows() - regressors);
     sum += both.bottomRightCorner(left, both.cols() - regressors).squaredNorm();
     known = both.topRows(both.rows() - left);
