@@ -29,19 +29,6 @@ void need_square(const std::string& name, const Matrix& weight, Index size) {
         fmt::format("{}: {} x {} found, {} x {} needed", name, weight.rows(), weight.cols(), size, size));
 }
 
-// Reflects the columns of `w` one after the other, so that its upper triangle is the triangular factor. The numbers
-// below it are left undefined.
-void triangularise(Eigen::Ref<Matrix> w) {
-  const Index stride = w.outerStride();
-  for (Index k = 0; k < std::min(w.rows(), w.cols()); ++k) {
-    double* const pivot = &w(k, k);
-    const Index below = w.rows() - k - 1, right = w.cols() - k - 1;
-    const double tau = linalg::make_reflection(*pivot, pivot + 1, below);
-    if (tau != 0.0 && right > 0)
-      linalg::reflect(pivot + 1, below, tau, {pivot + stride, stride, pivot + stride + 1, stride}, right);
-  }
-}
-
 // Without cost for some input, the best inputs could be infinitely large, or would not be unique.
 void need_positive_definite(const Problem& p) {
   const Index steps = std::max({p.input.count(), p.change.count(), p.rate.count()});
@@ -101,7 +88,7 @@ class Recursion {
     if (held_ > 0) work_.block(used_ - r_, r_ + n, r_, r_) = -p_.rate.at(s);
     add_future(step);
     auto w = work_.topLeftCorner(used_, cols);
-    triangularise(w);
+    linalg::triangularise(w, w.rows());
     store_law(s, n);
     store_root(n + held_);
   }

@@ -89,15 +89,16 @@ inline void reflect(const double* v, Index length, double tau, Columns columns, 
   }
 }
 
-// Makes `a` upper triangular by one reflection for each column. The columns have no entry more than `bandwidth` rows
-// below the diagonal. What remains there is undefined.
-inline void triangularise(Matrix& a, Index bandwidth) {
+// Reflects the columns of `a` one after the other, so that its upper triangle is the triangular factor. No column has
+// entries more than `bandwidth` rows below the diagonal. The numbers below the diagonal are left undefined.
+inline void triangularise(Eigen::Ref<Matrix> a, Index bandwidth) {
   const Index stride = a.outerStride();
   for (Index k = 0; k < std::min(a.rows(), a.cols()); ++k) {
-    double* pivot = &a(k, k);
+    double* const pivot = &a(k, k);
     const Index below = std::min(bandwidth, a.rows() - k - 1), right = a.cols() - k - 1;
     const double tau = make_reflection(*pivot, pivot + 1, below);
-    if (tau != 0.0 && right > 0) reflect(pivot + 1, below, tau, {pivot + stride, stride, pivot + stride + 1, stride}, right);
+    if (tau != 0.0 && right > 0)
+      reflect(pivot + 1, below, tau, {pivot + stride, stride, pivot + stride + 1, stride}, right);
   }
 }
 

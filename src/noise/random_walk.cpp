@@ -81,11 +81,14 @@ class Eliminator {
   Matrix above_, below_;
 };
 
-Matrix triangular(Matrix rows) {
-  return rows.rows() <= rows.cols() && rows.isUpperTriangular(0.0) ? rows : linalg::triangular_factor(rows);
+Matrix triangular(const Matrix& rows) {
+  if (rows.rows() <= rows.cols() && rows.isUpperTriangular(0.0)) return rows;
+  Matrix copy = rows;
+  return linalg::triangular_factor(copy);
 }
 
-// The triangular factor of what is known about the coefficients (at most L rows) and of the rows of a step.
+// The triangular factor of what is known about the coefficients and of the rows of a step. The triangle of the step
+// begins `known.rows()` rows lower, so no entry is further below the diagonal.
 Matrix with_step(const Matrix& known, const Matrix& rows) {
   Matrix both = linalg::stacked(known, triangular(rows));
   linalg::triangularise(both, known.rows());
