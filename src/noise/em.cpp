@@ -196,7 +196,8 @@ Model starting_model(const Model& model, const Ensemble& data, const RefineOptio
   if (!o.feedthrough)
     for (Step& step : start.step) step.D().setZero();
   const Index period = period_of(model, o);
-  if (period > 0 && period < start.steps() && start.states() > 0) start = in_phase(start, period);
+  // Steps that share one set of matrices are in phase already.
+  if (period > 0 && model.period != 1 && period < start.steps() && start.states() > 0) start = in_phase(start, period);
   if (!start.has(&Step::has_innovation_cov))
     for (const Matrix covariance = innovation_covariance(start, data, initial); Step & step : start.step)
       step.set_innovation_cov(covariance);
