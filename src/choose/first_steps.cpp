@@ -19,8 +19,7 @@ namespace tokid {
 
 namespace {
 
-constexpr Index iterations = 40, shared_iterations = 300;
-constexpr double shared_tolerance = 1e-8;
+constexpr Index iterations = 40;
 // Floors of the first covariances, relative to those that the gains alone would give.
 constexpr double least_noise = 0.02;
 // Exact outputs begin with noise of this share of the largest one. EM raises it to its own floor.
@@ -89,8 +88,7 @@ Model with_noise(const Model& start, const Ensemble& departures, InitialState in
   o.smoothing = start.period == 1 ? 0.0 : 1.0;  // one covariance for all steps
   o.initial_state = initial;
   o.estimate_matrices = false;
-  o.iterations = start.period > 0 ? shared_iterations : iterations;
-  if (start.period > 0) o.tolerance = shared_tolerance;
+  o.iterations = iterations;
   o.warm_up = false;
   o.execution.threads = threads;
   return refine(start, departures, o).model;
