@@ -50,9 +50,9 @@ Stage stage_after(Index done, bool shared) {
 
 bool is_shared(const RefineOptions& o) { return o.period.value_or(0) > 0; }
 
-// All attempts have the stages up to here. If steps do not share their matrices, the best attempts then go on. If steps
-// share their matrices, EM needs many iterations, but an iteration takes less time. With a jump, a large λ shows only
-// after more iterations that it is the best.
+// The most iterations of an attempt before the best ones go on. If steps share their matrices, EM needs many
+// iterations, but an iteration takes less time, and no attempt goes on. With a jump, a large λ shows only after more
+// iterations that it is the best.
 Index first_end(const RefineOptions& o) {
   return is_shared(o) ? 4 * warmed_up : o.jumps.empty() ? warmed_up : 2 * warmed_up;
 }
@@ -223,16 +223,23 @@ class Search {
     finish(nullptr);
   }
 
-  // EM with the λ of a search with more states. It is given up at the end of a stage that leaves it no chance against
-  // them. After the first stages, it goes on if it does not suffice yet.
+  // EM with the λ of a search with more states, until it suffices. It is given up at the end of a stage that leaves it
+  // no chance against them. After the first stages, it goes on if it does not suffice yet.
   void run_beside(const Search& more) {
     begin();
     bool excluded = false;
-    attempt(more.chosen().smoothing, [&](const Attempt& now) { return excluded = more.excludes(now); });
+    attempt(more.chosen().smoothing,
+            [&](const Attempt& now) { return (excluded = more.excludes(now)) || suffices_for(more); });
     if (excluded)
       attempts_.clear();
     else if (!suffices_for(more))
       finish(&more);
+  }
+
+  // Ends the first stages, after they sufficed beside more states.
+  void complete() {
+    begin();
+    improve(attempts_.back(), [](const Attempt&) { return false; });
   }
 
   // Gives EM up if it is lost. Otherwise drops needless jumps, and lets the attempts go on. `more`: the search with
@@ -391,7 +398,8 @@ class Search {
       for (const size_t without : {i, i + 1}) {
         jumps_ = all;
         jumps_.erase(jumps_.begin() + std::ptrdiff_t(without));
-        Attempt one = in_first_stages(smoothing, [](const Attempt&) { return true; });
+        Attempt one = started(smoothing);
+        while (one.iterations < first_end(options(smoothing))) one = refined(std::move(one));
         if (!best || one.sum() > best->sum()) best = std::move(one), needed = jumps_;
       }
       if (advantage(best->likelihood, both) > -significant) {
@@ -404,23 +412,17 @@ class Search {
     }
   }
 
-  // EM with this λ from the subspace models, unless it was tried before, until a stage improves neither the likelihood
-  // nor the errors. Returns the largest likelihood with this λ.
+  // EM with this λ from the subspace models, unless it was tried before, in the first stages, see improve(). Returns
+  // the largest likelihood with this λ.
   Vector attempt(double smoothing) {
     return attempt(smoothing, [&](const Attempt& now) { return jumps_.empty() && is_hopeless(now); });
   }
-  template <class GiveUp>
-  Vector attempt(double smoothing, GiveUp&& give_up) {
+  template <class Ends>
+  Vector attempt(double smoothing, Ends&& ends) {
     const auto same = [&](double other) { return same_smoothing(other, smoothing); };
     if (std::none_of(tried_.begin(), tried_.end(), same)) {
       tried_.push_back(smoothing);
-      double likelihood = -infinity, error = infinity;
-      in_first_stages(smoothing, [&](const Attempt& now) {
-        keep(now);
-        const bool better = now.sum() > likelihood || now.error() < error;
-        likelihood = now.sum(), error = now.error();
-        return !give_up(now) && better && !now.converged;
-      });
+      improve(started(smoothing), ends);
     }
     Vector most;
     for (const Attempt& a : attempts_)
@@ -428,16 +430,25 @@ class Search {
     return most;
   }
 
-  // EM with this λ from the subspace models, in the first stages. After each stage, `go_on` decides whether it
-  // continues.
-  template <class GoOn>
-  Attempt in_first_stages(double smoothing, GoOn&& go_on) {
-    Attempt now;
-    now.smoothing = smoothing;
-    now.models = starts_;
-    while (now.iterations < first_end(options(smoothing)))
-      if (now = refined(std::move(now)); !go_on(now)) break;
-    return now;
+  // EM with this λ, before its first iteration.
+  Attempt started(double smoothing) const {
+    Attempt result;
+    result.smoothing = smoothing;
+    result.models = starts_;
+    return result;
+  }
+
+  // Goes on with the first stages of an attempt, and keeps each, until one of them does not improve it, until EM has
+  // converged, or until `ends` says so. If steps share their matrices, the errors alone tell, see chosen().
+  template <class Ends>
+  void improve(Attempt now, Ends&& ends) {
+    for (bool better = true; better && !now.converged && now.iterations < first_end(options(now.smoothing));) {
+      const double error = now.error(), likelihood = now.sum();
+      now = refined(std::move(now));
+      keep(now);
+      better = now.error() < error || (!shared() && now.sum() > likelihood);
+      if (ends(now)) return;
+    }
   }
 
   // The attempts go on until EM converges, until neither the likelihood nor the errors of a likely attempt improve, or
@@ -548,20 +559,23 @@ RefinementOfFolds choose_refinement(Index states, std::vector<Model> models, boo
     const auto suffice = [&](Index n) {
       if (n < 1 || too_few.contains(n)) return false;
       const std::shared_ptr<Search> fewer = search(n, best->jumps());
-      fewer->run_beside(*best);
-      const bool does = fewer->suffices_for(*best);
+      fewer->run_beside(*plain);
+      const bool does = fewer->suffices_for(*plain);
       if (does)
         best = fewer;
       else
         too_few.insert(n);
       return does;
     };
-    Index less = 1;
-    while (suffice(best->states() - less)) less *= 2;
-    for (; less > 1; less /= 2) suffice(best->states() - less / 2);
+    Index few = 0;  // that do not suffice
+    while (best->states() - few > 1) {
+      const Index n = (few + best->states()) / 2;
+      if (!suffice(n)) few = n;
+    }
     // One number that does not suffice may split a pair of eigenvalues.
     while (suffice(best->states() - 1) || suffice(best->states() - 2)) continue;
   }
+  if (best != plain) best->complete();
   best->finish(nullptr);
   std::optional<RefinementOfFolds> result = best->improved();
   if (!result && best != plain) result = plain->improved();

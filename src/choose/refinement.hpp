@@ -47,8 +47,8 @@ struct RefinementOfFolds {
 
 // `models`: of the folds, with so many states and without EM, which predict from step 0 on.
 // `or_fewer`: fewer states are used if the likelihood is hardly lower and the errors are at most `most_uncertain`
-// larger. The number falls by steps that double while this holds, and halve after. In the end, neither one nor two
-// fewer suffice. `work` counts iterations of one fold.
+// larger. The interval between numbers that do and do not suffice is halved. In the end, neither one nor two fewer
+// suffice. `work` counts iterations of one fold.
 RefinementOfFolds choose_refinement(Index states, std::vector<Model> models, bool or_fewer, const FoldStarts& starts,
                                     const RefinementSettings& settings, SearchProgress& work);
 
