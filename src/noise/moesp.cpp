@@ -13,6 +13,7 @@
 #include "data/channel_sizes.hpp"
 #include "data/output_weights.hpp"
 #include "data/pooled_windows.hpp"
+#include "linalg/row_absorption.hpp"
 #include "model/kalman_step.hpp"
 #include "model/riccati.hpp"
 #include "noise/rounding.hpp"
@@ -100,14 +101,15 @@ class Moesp {
   //   y_k = C Φ x_0 + Σ_j C Φ_{k,j+1} B u_j + D u_k
   void simulate_inputs() {
     const Index b = groups_ * n_ * r_, d = groups_ * m_ * through_, unknowns = b + d;
-    linalg::RowStack rows(unknowns + 1);
+    linalg::RowAbsorption all, stretch;
+    all.reset(unknowns + 1);
     for (Index n = 0; n < e_.experiments(); ++n)
       for (Index begin = 0, end = 0; begin < e_.steps(); begin = std::max(end, begin + 1)) {
         end = stretch_end(n, begin);
-        if (end > begin) rows.add(stretch_rows(n, begin, end, b));
+        if (end > begin) all.absorb(stretch_rows(n, begin, end, b, stretch));
       }
     free_.clear();
-    const Matrix factor = rows.factor();
+    const Matrix factor = all.factor();
     const Vector scale = linalg::inverse_norms(factor.leftCols(unknowns));
     const Vector theta = scale.asDiagonal() * linalg::minimum_norm(factor.leftCols(unknowns) * scale.asDiagonal(),
                                                                    factor.rightCols(1), rounding::negligible)
@@ -148,17 +150,20 @@ class Moesp {
   }
 
   // [∂y/∂B ∂y/∂D y] of the steps begin … end-1, with outputs relative to their sizes. The rows are orthogonal to the
-  // effect of an unknown state at the start of the stretch.
-  Matrix stretch_rows(Index n, Index begin, Index end, Index b) const {
+  // effect of an unknown state at the start of the stretch. `factor`: kept to reuse its memory.
+  Matrix stretch_rows(Index n, Index begin, Index end, Index b, linalg::RowAbsorption& factor) const {
     const bool known = begin == 0 && from_rest_;
     const Index start = known ? 0 : n_, unknowns = b + groups_ * m_ * through_;
     const std::vector<Matrix>& free = free_.at(variation_.group(begin)).outputs;
     Matrix rows = Matrix::Zero((end - begin) * m_, start + unknowns + 1);
-    Matrix x = Matrix::Zero(n_, b);  // ∂x_k / ∂B
+    // ∂x_k/∂B. With one set of matrices, the m rows of C ∂x_k/∂B go on by themselves, and take fewer operations.
+    const bool one = groups_ == 1;
+    Matrix x = Matrix::Zero(one ? 0 : n_, b), response = Matrix::Zero(m_, b);
     Index used = 0;
     for (Index k = begin; k < end; ++k) {
       const Index g = variation_.group(k);
-      const Matrix response = sizes_.cwiseInverse().asDiagonal() * (model_.step[size_t(g)].C() * x);
+      const Step& step = model_.step[size_t(g)];
+      if (!one) response = sizes_.cwiseInverse().asDiagonal() * (step.C() * x);
       for (Index j = 0; j < m_; ++j) {
         if (std::isnan(e_.y(n, k, j))) continue;
         rows.row(used).head(start) = free[size_t(k - begin)].row(j).head(start);
@@ -166,14 +171,18 @@ class Moesp {
         for (Index i = 0; i < through_; ++i) rows(used, start + b + (g * through_ + i) * m_ + j) = e_.u(n, k, i);
         rows(used++, start + unknowns) = e_.y(n, k, j) / sizes_(j);
       }
-      x = model_.step[size_t(g)].A() * x;
-      for (Index i = 0; i < r_; ++i) x.middleCols((g * r_ + i) * n_, n_).diagonal().array() += e_.u(n, k, i);
+      if (!one) x = step.A() * x;
+      for (Index i = 0; i < r_; ++i)
+        if (one)
+          response.middleCols(i * n_, n_) = response.middleCols(i * n_, n_) * step.A() + e_.u(n, k, i) * free[0];
+        else
+          x.middleCols((g * r_ + i) * n_, n_).diagonal().array() += e_.u(n, k, i);
     }
-    Matrix kept = rows.topRows(used);
-    if (start == 0) return kept;
-    const Matrix factor = linalg::triangular_factor(kept);
-    const Index left = std::max<Index>(0, factor.rows() - start);
-    return factor.bottomRightCorner(left, unknowns + 1);
+    if (start == 0) return rows.topRows(used);
+    factor.reset(rows.cols());
+    factor.absorb(rows.topRows(used));
+    const Index left = std::clamp<Index>(used - start, 0, unknowns + 1);
+    return factor.factor().block(start, start, left, unknowns + 1);
   }
 
   // Computes the gains from the state samples: ε = y - C x - D u and w = x⁺ - A x - B u give w = -G ε + w'.
