@@ -109,8 +109,7 @@ std::vector<Matrix> random_walk_regression(const std::vector<Matrix>& rows, Inde
   }
   if (!stiffness.allFinite()) {
     Matrix all = triangular(rows[0]);
-    for (size_t g = 1; g < steps; ++g)
-      if (rows[g].rows() > 0) all = triangular(linalg::stacked(all, rows[g]));
+    for (size_t g = 1; g < steps; ++g) all = with_step(all, rows[g]);
     x.assign(steps, determined_by(all, regressors));
     return x;
   }
