@@ -109,7 +109,7 @@ def identify(
         n. EM itself maximises the likelihood, whatever the weights are. "equal": all outputs count alike.
     horizons : sequence of int
         Steps ahead, ascending from 1 on, of the predictions whose errors choose states, EM and regressions. Those
-        beyond half of the scored steps do not count.
+        beyond half of the scored steps do not count. Others than the default ones must be at most half of the steps.
     refine : bool, "auto" or None
         Maximum likelihood by EM, as far as it lowers the cross-validation error. "auto" or None: for noisy data with the
         subspace realisation.

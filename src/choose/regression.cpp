@@ -273,6 +273,11 @@ Selection first_steps_of(const Ensemble& data, Index period) {
 Regressed coupled(const Ensemble& data, const Selection& selected, const Plan& stated, const IdentifyOptions& options) {
   const std::optional<InitialStateTest> known = stated_initial_state(data, options);
   const Ensemble& selection = *selected.samples;
+  if (const Index most = selection.steps() / 2; !options.choices && options.horizons != IdentifyOptions{}.horizons &&
+                                                options.horizons.back() > std::max<Index>(1, most))
+    throw std::invalid_argument(
+        fmt::format("horizons: {} steps found, at most {} needed, which is half of the {} steps that the choices use",
+                    options.horizons.back(), most, selection.steps()));
   const bool nominal = stated.nominal;
   Regressed result;
   Plan& plan = result.plan = stated;
