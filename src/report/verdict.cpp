@@ -376,7 +376,7 @@ class Assessment {
   }
 
   // "3.9, 4.6 and 6.3 %"
-  static std::string percents(const Vector& errors) {
+  static std::string percents(const std::vector<double>& errors) {
     std::vector<std::string> texts;
     for (const double error : errors) texts.push_back(figure(100 * error, 2));
     return words::listed(texts) + " %";
@@ -385,7 +385,7 @@ class Assessment {
   static std::string steps_ahead(const std::vector<Index>& horizons) {
     std::vector<std::string> texts;
     for (const Index h : horizons) texts.push_back(std::to_string(h));
-    return fmt::format("{} step{} ahead", words::listed(texts), horizons.size() == 1 ? "" : "s");
+    return fmt::format("{} step{} ahead", words::listed(texts), horizons.back() == 1 ? "" : "s");
   }
 
   // Simple regressions are rivals that every model must stand up to.
@@ -393,16 +393,22 @@ class Assessment {
     Check result = check(Kind::regression, {"error_over_regression", {}, Rule::at_most, bounds::over_regression});
     if (!options_.comparison) return untested(std::move(result), Untested::no_cross_validation);
     const RegressionComparison& c = *options_.comparison;
-    for (Index i = 0; i < c.model.error.size(); ++i)
-      if (const double ratio = c.model.error(i) / c.regression.error(i); !std::isnan(ratio))
-        result.figures.front().values.push_back(ratio);
+    std::vector<Index> worse;  // horizons at which the regression is better, and the errors there
+    std::vector<double> of_model, of_regression;
+    for (Index i = 0; i < c.model.error.size(); ++i) {
+      const double ratio = c.model.error(i) / c.regression.error(i);
+      if (!std::isnan(ratio)) result.figures.front().values.push_back(ratio);
+      if (!(ratio > bounds::over_regression)) continue;
+      worse.push_back(c.horizons[size_t(i)]);
+      of_model.push_back(c.model.error(i));
+      of_regression.push_back(c.regression.error(i));
+    }
     if (result.figures.front().values.empty()) return untested(std::move(result), Untested::no_cross_validation);
     if (!result.kept())
       against(result, Trust::look_closer,
-              fmt::format("A regression with {} predicts held-out experiments better: {}, its errors are {} of the "
+              fmt::format("A regression with {} predicts held-out experiments better {}: its errors are {} of the "
                           "departures from the mean motion, those of the model {}.",
-                          plural(c.lags, "lag"), steps_ahead(c.horizons), percents(c.regression.error),
-                          percents(c.model.error)));
+                          plural(c.lags, "lag"), steps_ahead(worse), percents(of_regression), percents(of_model)));
     return result;
   }
 
@@ -412,9 +418,10 @@ class Assessment {
     const RegressionComparison& c = *options_.comparison;
     if (!c.model.standard_error.allFinite() || !c.regression.error.allFinite()) return "";
     const bool itself = model_.method == "regression";
-    return fmt::format(" In cross-validation, the errors {} are {} of the departures from the mean motion (± {}){}.",
-                       steps_ahead(c.horizons), percents(c.model.error), percents(c.model.standard_error),
-                       itself ? "" : fmt::format(", and those of a regression {}", percents(c.regression.error)));
+    return fmt::format(
+        " In cross-validation, the errors {} are {} of the departures from the mean motion (± {}){}.",
+        steps_ahead(c.horizons), percents(values_of(c.model.error)), percents(values_of(c.model.standard_error)),
+        itself ? "" : fmt::format(", and those of a regression {}", percents(values_of(c.regression.error))));
   }
 
   // Where the largest of the values is; empty if none is known.
