@@ -109,9 +109,11 @@ std::string refinements(const RefinementChoice& choice) {
       choice.iterations == 0 ? std::string("no refinement chosen")
                              : fmt::format("n = {} and λ = {} with {} chosen", choice.states,
                                            strength(choice.smoothing), words::plural(choice.iterations, "iteration"));
-  return folded(fmt::format("Refinement by EM: {} candidates, {}", choice.trials.size(), outcome),
-                "Errors and log-likelihoods of held-out experiments in cross-validation. The log-likelihood decides.",
-                table);
+  return folded(
+      fmt::format("Refinement by EM: {} candidates, {}", choice.trials.size(), outcome),
+      "Errors and log-likelihoods of held-out experiments in cross-validation. The log-likelihood decides, or the "
+      "error if steps share their matrices.",
+      table);
 }
 
 }  // namespace
