@@ -248,7 +248,7 @@ TEST(Identify, NominalTrajectoriesAreFoundRemovedAndAddedBack) {
                   .model.step[20]
                   .innovation_cov()
                   .isZero(0));  // the mean has spent the one degree of freedom that 11 experiments leave
-  IdentifyOptions none;
+  IdentifyOptions none{.states = 4, .lags = 2};  // choices take long, because the motion stays
   none.nominal = NominalChoice::none;
   none.refine = false;
   EXPECT_EQ(identify(e, none).model.y_nominal.size(), 0);
@@ -419,6 +419,22 @@ TEST(Identify, FewExperimentsForManyUnknownsAreSaid) {
       identify(experiments(oscillator(40), {.experiments = 10}), {.method = Method::tvera, .feedthrough = true})
           .findings,
       "lag order 1 is the largest that 10 experiments can test"));
+}
+
+// The outputs depend on the inputs of 21 steps by random coefficients, so that p lags determine at most p states of 20.
+TEST(Identify, SingleStepsMayNeedManyLags) {
+  Random random(5);
+  Ensemble e(90, 60, 1, 1);
+  Vector taps(21);
+  for (double& tap : taps) tap = random.normal();
+  for (Index n = 0; n < e.experiments(); ++n)
+    for (Index k = 0; k < e.steps(); ++k) {
+      e.u(n, k, 0) = random.normal();
+      e.y(n, k, 0) = 0.0;
+      for (Index i = 0; i <= std::min<Index>(k, 20); ++i) e.y(n, k, 0) += taps(i) * e.u(n, k - i, 0);
+    }
+  e.initial_state = InitialState::zero;
+  EXPECT_EQ(identify(e, {.method = Method::tvera}).plan.lags, 20);
 }
 
 TEST(Identify, AskingForMoreStatesThanThereAreIsAnswered) {

@@ -83,7 +83,7 @@ struct Finding {
     inputs_unexcited,         // steps
     no_freedom,               // numbers: experiments, lags, sufficient
     few_experiments,          // numbers: experiments, unknowns, lags, sufficient, largest_lags
-    lags_at_limit,            // numbers: lags, experiments
+    lags_at_limit,            // numbers: lags, experiments; unknowns if their number ends the search
     lags_untested,            // numbers: lags, experiments
     lags_below_states,        // numbers: lags, outputs, most, states
     smoothing_untested,       // numbers: smoothing

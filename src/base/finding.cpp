@@ -333,7 +333,7 @@ constexpr Entry table[] = {
     {Kind::few_experiments, "few_experiments", warning,
      "{experiments} experiments are few for the {unknowns} unknowns per output and step at lag order {lags}: averaging hardly reduces the noise of the coefficients. Use {sufficient} experiments or more. With {experiments} experiments, use lag orders up to {largest_lags}"},
     {Kind::lags_at_limit, "lags_at_limit", warning,
-     "the chosen lag order {lags} is the largest that {experiments} experiments can test. A larger lag order may be better: use more experiments, or state the lag order"},
+     "the chosen lag order {lags} is the largest that {?unknowns|was tried, because larger ones have more than {unknowns} unknowns per output|{experiments} experiments can test}. A larger lag order may be better: {?unknowns|state the lag order|use more experiments, or state the lag order}"},
     {Kind::lags_untested, "lags_untested", warning,
      "{experiments} experiments leave no degree of freedom to test lag order {lags}: a regression of this lag order fits any data exactly"},
     {Kind::lags_below_states, "lags_below_states", warning,

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/integers.hpp"
 #include "choose/first_steps.hpp"
 #include "data/output_weights.hpp"
 #include "tokid/plan.hpp"
@@ -14,8 +15,6 @@ namespace {
 
 // For the progress: number of orders and of λ of the regressions on states that are usually tried.
 constexpr double usual_orders = 15.0;
-// After 1, 2, 3, 4, 6, 8, 12, 16, 24 …
-Index next_of_grid(Index i) { return i < 4 ? i + 1 : (i & (i - 1)) == 0 ? i / 2 * 3 : i / 3 * 4; }
 
 }  // namespace
 

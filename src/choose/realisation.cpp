@@ -450,7 +450,7 @@ void realise_by_folds(const Ensemble& data, const Selection& selected, Regressed
   const auto begin_other = [&] {
     if (!other)
       other = if_possible([&] {
-        of_leader = regressed_as(leader, data, selected, regression.plan.nominal, options);
+        of_leader = regressed_as(leader, *rivals, data, selected, regression.plan.nominal, options);
         return candidate(
             begun_by_folds(data, selected, as_asked(data, of_leader->plan, options), of_leader->arx, options));
       });

@@ -23,8 +23,8 @@ namespace tokid {
 
 namespace {
 
-// Largest lag order that the leave-one-out choice tries.
-constexpr Index most_lags = 16;
+// Largest lag order that the leave-one-out choice tries first. It tries twice as many if the largest is the best.
+constexpr Index first_lags = 16;
 // Most coefficients per output and step that a choice for noisy data tries: the time grows with their cube.
 constexpr Index most_regressors = 160;
 // Largest lag order of a model that varies and from which EM starts. EM does not depend on the lag order, and its start
@@ -71,13 +71,17 @@ void choose_lags(const Ensemble& data, const IdentifyOptions& options, Regressed
   // The order is chosen by residuals, so each step needs at least one degree of freedom.
   const Index testable = largest_lag_order(effective_experiments(data, result.plan.nominal) - 1, data.inputs(),
                                            data.outputs(), o.feedthrough);
-  o.p_max = std::min({most_lags, testable, (data.steps() - 1) / 2});
+  const Index most = std::min(testable, (data.steps() - 1) / 2);
   o.execution = in_stage(options.execution, WorkStage::lags);
   result.plan.lags = needed;
-  if (o.p_max >= needed && o.p_max >= 1) {
-    result.lag_order_errors = lag_order_errors(data, o);
+  if (most >= needed && most >= 1) {
+    for (o.p_max = std::max(first_lags, needed);; o.p_max *= 2) {
+      o.p_max = std::min(o.p_max, most);
+      result.lag_order_errors = lag_order_errors(data, o);
+      if (result.lag_order_errors.best < o.p_max || o.p_max == most) break;
+    }
     result.plan.lags = result.lag_order_errors.best;
-    if (result.plan.lags == o.p_max && o.p_max == testable && testable < most_lags)
+    if (result.plan.lags == testable)
       result.findings.push_back({.kind = Finding::Kind::lags_at_limit,
                                  .numbers = {{"lags", double(testable)}, {"experiments", double(data.experiments())}}});
   } else if (testable < needed && data.experiments() >= experiments_for(data, needed, result.plan)) {
@@ -121,27 +125,47 @@ bool may_start_em(const IdentifyOptions& options) {
   return options.refine.value_or(true) && options.method != Method::regression;
 }
 
+// The data permit more lags than were tried.
+void report_size_limit(Regressed& result, const Ensemble& data) {
+  result.findings.push_back({.kind = Finding::Kind::lags_at_limit,
+                             .numbers = {{"lags", double(result.plan.lags)},
+                                         {"experiments", double(data.experiments())},
+                                         {"unknowns", double(most_regressors)}}});
+}
+
+struct LagOrders {
+  std::vector<Index> tried;
+  bool more;  // the data permit larger ones, which would take too long
+};
+
 // Lag orders to choose from. More than half of the steps must remain for the evaluation. The windows without a gap must
 // be at least twice as many as the unknowns. Each uncoupled step needs at least one degree of freedom.
-std::vector<Index> lag_candidates(const Ensemble& selection, const Ensemble& data, bool nominal, InitialState initial,
-                                  Index period, const IdentifyOptions& options) {
-  if (options.lags) return {*options.lags};
+LagOrders lag_candidates(const Ensemble& selection, const Ensemble& data, bool nominal, InitialState initial,
+                         Index period, const IdentifyOptions& options) {
+  if (options.lags) return {{*options.lags}, false};
   const Index needed = least_lags(data, options), first = first_scored(initial, 1, period);
   const bool coupled = period > 0 || options.smoothing != 0.0;
   const bool starts_em = period == 0 && may_start_em(options);
   // A start from few windows leads EM to a wrong maximum.
   const Index windows_each = starts_em && selection.missing() > 0 ? enough_windows : 2;
-  std::vector<Index> candidates;
-  for (const Index p : {1, 2, 3, 4, 6, 8, 12, 16, 24, 36, 48}) {
-    const Index unknowns = unknowns_of(data, p, options.feedthrough.value_or(true));
-    const bool small = unknowns <= most_regressors && !(starts_em && p > enough_for_em);
-    if (p >= needed && 2 * std::max<Index>(1, first) * p < selection.steps() && p + period <= selection.steps() &&
-        (candidates.empty() || small) && whole_windows(selection, p) >= windows_each * unknowns &&
-        (coupled || unknowns < effective_experiments(data, nominal)))
-      candidates.push_back(p);
+  const auto unknowns = [&](Index p) { return unknowns_of(data, p, options.feedthrough.value_or(true)); };
+  const auto permitted = [&](Index p) {
+    return 2 * std::max<Index>(1, first) * p < selection.steps() && p + period <= selection.steps() &&
+           whole_windows(selection, p) >= windows_each * unknowns(p) &&
+           (coupled || unknowns(p) < effective_experiments(data, nominal));
+  };
+  LagOrders orders{{}, false};
+  for (Index p = 1; p < needed || permitted(p); p = next_of_grid(p)) {
+    if (p < needed) continue;
+    const bool small = unknowns(p) <= most_regressors && !(starts_em && p > enough_for_em);
+    if (!small && !orders.tried.empty()) {
+      orders.more = !starts_em;  // EM does not depend on the lag order
+      break;
+    }
+    orders.tried.push_back(p);
   }
-  if (candidates.empty()) candidates.push_back(needed);
-  return candidates;
+  if (orders.tried.empty()) orders.tried.push_back(needed);
+  return orders;
 }
 
 // Each step has its own regression. This is the method of the paper, and it suffices for data without noise.
@@ -176,9 +200,9 @@ std::vector<Index> half_of(std::vector<Index> orders, Index lags) {
   return orders;
 }
 
-// Chooses λ and p by cross-validation error, or takes the values asked for.
+// Chooses λ and p by cross-validation error, or takes the values asked for. `o.lags`: those of `orders`
 void choose_variation(const Ensemble& data, const Ensemble& selection, const IdentifyOptions& options,
-                      SmoothingOptions o, Regressed& result) {
+                      const LagOrders& orders, SmoothingOptions o, Regressed& result) {
   Plan& plan = result.plan;
   TimeVariation& variation = plan.choices.variation;
   plan.lags = o.lags.front();
@@ -207,7 +231,8 @@ void choose_variation(const Ensemble& data, const Ensemble& selection, const Ide
   const bool by_gaps = !options.smoothing && !options.choices && std::isinf(variation.smoothing) &&
                        windows_are_scarce(selection, plan.lags);
   if (by_gaps) variation.smoothing = stiff;
-  const auto report_gaps = [&] {
+  const auto report = [&] {
+    if (orders.more && plan.lags == orders.tried.back()) report_size_limit(result, data);
     if (by_gaps)
       result.findings.push_back({.kind = Finding::Kind::smoothing_by_gaps, .numbers = {{"smoothing", stiff}}});
   };
@@ -218,12 +243,14 @@ void choose_variation(const Ensemble& data, const Ensemble& selection, const Ide
   // A record that is much longer than its selection determines many lags of one model for all steps.
   const bool questioned = varies && options.period == 0 && !options.smoothing && !options.choices && !options.jumps &&
                           result.jumps.empty() && selection.experiments() > 1 && selection.steps() < data.steps();
-  if (varies && !questioned) return report_gaps();
+  if (varies && !questioned) return report();
   // One regression of all steps has more samples than the regression of one step, so it permits larger lag orders.
+  LagOrders constant_orders = orders;
   std::optional<SmoothingChoice> constant;
   if (options.period == 0 && selection.experiments() > 1) {
     o.period = 1;
-    o.lags = lag_candidates(selection, data, plan.nominal, o.initial_state, o.period, options);
+    constant_orders = lag_candidates(selection, data, plan.nominal, o.initial_state, o.period, options);
+    o.lags = constant_orders.tried;
     o.execution = share(in_stage(options.execution, WorkStage::variation), 0.7, 1.0);
     constant = choose_smoothing(selection, o);
     for (SmoothingTrial trial : constant->trials) {
@@ -231,10 +258,11 @@ void choose_variation(const Ensemble& data, const Ensemble& selection, const Ide
       result.smoothing_choice.trials.push_back(trial);
     }
   }
-  if (questioned && !(constant->error * clearly_better < result.smoothing_choice.error)) return report_gaps();
+  if (questioned && !(constant->error * clearly_better < result.smoothing_choice.error)) return report();
   if (options.period == 0 && !options.smoothing) result.findings.push_back({.kind = Finding::Kind::no_variation});
   variation = {0.0, 1};
   if (constant) plan.lags = constant->lags;
+  if (constant_orders.more && plan.lags == constant_orders.tried.back()) report_size_limit(result, data);
 }
 
 // The regressions that choose_variation() does not reach, and the one that it chose.
@@ -245,10 +273,15 @@ std::optional<Rivals> rivals_beside(const Ensemble& data, const Selection& selec
   if (variation.period > 1 || options.choices || selection.experiments() < 2) return std::nullopt;
   const bool stated = options.period > 0 || options.smoothing || options.lags || options.states || options.jumps;
   options.refine = false;
-  o.lags = lag_candidates(selection, data, plan.nominal, o.initial_state, 0, options);
+  LagOrders orders = lag_candidates(selection, data, plan.nominal, o.initial_state, 0, options);
+  o.lags = std::move(orders.tried);
   if (plan.lags > o.lags.back()) o.lags.push_back(plan.lags);
-  return Rivals{o, plan.lags, variation.period == 1 ? std::numeric_limits<double>::infinity() : variation.smoothing,
-                jumps_within(variation.jumps, selected), stated};
+  return Rivals{o,
+                plan.lags,
+                variation.period == 1 ? std::numeric_limits<double>::infinity() : variation.smoothing,
+                jumps_within(variation.jumps, selected),
+                stated,
+                orders.more};
 }
 
 // Evenly spaced experiments, if there are more samples than the choices need.
@@ -287,7 +320,8 @@ Regressed coupled(const Ensemble& data, const Selection& selected, const Plan& s
   o.period = options.period;
   o.feedthrough = plan.feedthrough.present;
   o.initial_state = known && selected.from_start ? known->decision : InitialState::unknown;
-  o.lags = lag_candidates(selection, data, nominal, o.initial_state, o.period, options);
+  const LagOrders orders = lag_candidates(selection, data, nominal, o.initial_state, o.period, options);
+  o.lags = orders.tried;
   o.smoothing = options.smoothing;
   o.centred = is_centred(plan);
   o.output_weights = plan.output_weights;
@@ -302,7 +336,7 @@ Regressed coupled(const Ensemble& data, const Selection& selected, const Plan& s
     for (const Index step : *options.jumps) result.jumps.push_back({step});
     o.jumps = jumps_within(*options.jumps, selected);
   }
-  choose_variation(data, selection, options, o, result);
+  choose_variation(data, selection, options, orders, o, result);
   if (!options.choices) {
     // Regressions show a jump of A_k and B_k one step late, because these affect no output before step k+1. Until EM
     // tells, a found jump may also be one step earlier.
@@ -394,14 +428,15 @@ Regressed regressed(const Ensemble& data, const Selection& selection, bool nomin
   return result;
 }
 
-Regressed regressed_as(const RegressionErrors::Found& rival, const Ensemble& data, const Selection& selection,
-                       bool nominal, const IdentifyOptions& options) {
+Regressed regressed_as(const RegressionErrors::Found& rival, const Rivals& rivals, const Ensemble& data,
+                       const Selection& selection, bool nominal, const IdentifyOptions& options) {
   IdentifyOptions stated = options;
   stated.lags = rival.lags;
   stated.smoothing = rival.smoothing;
   stated.jumps = std::vector<Index>{};
   Regressed result = regressed(data, selection, nominal, stated);
   if (std::isinf(rival.smoothing)) result.findings.push_back({.kind = Finding::Kind::no_variation});
+  if (rivals.more_lags && rival.lags == rivals.options.lags.back()) report_size_limit(result, data);
   return result;
 }
 

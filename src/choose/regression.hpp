@@ -43,9 +43,9 @@ std::vector<Index> jumps_within(const std::vector<Index>& jumps, const Selection
 Regressed regressed(const Ensemble& departures, const Selection& selection, bool nominal,
                     const IdentifyOptions& options);
 
-// Takes p and λ of a rival.
-Regressed regressed_as(const RegressionErrors::Found& rival, const Ensemble& departures, const Selection& selection,
-                       bool nominal, const IdentifyOptions& options);
+// Takes p and λ of a rival, which is one of `rivals`.
+Regressed regressed_as(const RegressionErrors::Found& rival, const Rivals& rivals, const Ensemble& departures,
+                       const Selection& selection, bool nominal, const IdentifyOptions& options);
 
 // Fits the regression of a decided plan. \throws std::invalid_argument as above
 GtvArx regressed_as(const Ensemble& departures, const Plan& plan, const Execution& execution);

@@ -16,6 +16,7 @@ struct Rivals {
   double smoothing = 0.0;         // infinite: one model for all steps
   std::vector<Index> jumps = {};  // of the choice, in the steps of the selection; its rivals have none
   bool stated = false;  // something is stated that a rival would change: the regression of the choice has none
+  bool more_lags = false;  // the samples determine larger orders, too, which would take too long
 };
 
 // The regression with the smallest errors: the chosen one, or one with more lags, one model for all steps, or variation
