@@ -467,12 +467,6 @@ def test_warnings_name_the_line_of_the_user(data):
     assert issued[0].filename == __file__
 
 
-def test_paper(tmp_path):
-    found = tokid.paper(tmp_path / "paper", threads=2)
-    assert all(n.agrees for n in found.printed) and len(found.printed) > 20 and found.data
-    assert (tmp_path / "paper" / "paper.html").exists()
-
-
 def test_figures_of_regressions_that_were_given_up(noisy):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

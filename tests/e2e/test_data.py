@@ -217,27 +217,27 @@ def gust(u, y, size=20.0):
     return {"u": u, "y": y}
 
 
-@pytest.mark.parametrize(("steps", "options"), [(100, []), (200, ["--lags", 4, "--block", 192])])
+@pytest.mark.parametrize(("steps", "options"), [(100, []), (200, ["--block", 192])])
 def test_a_mean_motion_of_few_steps_is_found(tokid, tmp_path, steps, options):
-    for name, seed, count in (("data", 1, 60), ("fresh", 2, 20)):
-        tokid("example", "oscillator", "-o", tmp_path / f"{name}.npz", "--steps", steps, "--experiments", count, "--seed", seed,
-              "--measurement-noise", 0.1)
-        found = load(tmp_path / f"{name}.npz")
-        np.savez(tmp_path / f"{name}.npz", **{**found, **gust(found["u"], found["y"])})
+    tokid("example", "oscillator", "-o", tmp_path / "data.npz", "--steps", steps, "--experiments", 60,
+          "--measurement-noise", 0.1)
+    found = load(tmp_path / "data.npz")
+    np.savez(tmp_path / "data.npz", **{**found, **gust(found["u"], found["y"])})
     data = tmp_path / "data.h5"  # which can be read in blocks
     tokid("convert", tmp_path / "data.npz", data)
-    found = tokid.json("identify", data, "-o", tmp_path / "model.h5", "--states", 4, *options)
+    call = ["identify", data, "-o", tmp_path / "model.h5", "--states", 4, "--lags", 4, "--smoothing", 1, "--no-refine", *options]
+    found = tokid.json(*call)
     assert found["nominal"] is True
     test = found["nominal_test"]
     assert test["significant"] is True
     assert test["statistic"] < test["threshold"] and test["step_statistic"] > test["step_threshold"]
     assert test["departures"] == [{"channel": "y1", "steps": [[40, 45]]}]
-    # What is printed of it needs none of the choices that take most of the time.
-    quick = ["--states", 4, "--lags", 4, "--smoothing", 1, "--no-refine", *options[2:]]
-    shown = tokid("identify", data, "-o", tmp_path / "other.h5", *quick, "--verbose").stdout
+    shown = tokid(*call, "--verbose").stdout
     assert "it is significant: y1 at steps 40–45" in " ".join(shown.split())
-    validated = tokid.json("validate", tmp_path / "model.h5", tmp_path / "fresh.npz")
-    assert min(validated["simulation_fit"]) > 90
+    # The mean of 60 experiments is the gust, up to five standard deviations.
+    y = load(tmp_path / "data.npz")["y"][:, 40:46, 0]
+    nominal = tokid.arrays(tmp_path / "model.h5", tmp_path)["y_nominal"][40:46, 0]
+    assert np.abs(nominal - 20).max() < 5 * y.std(axis=0).max() / np.sqrt(60)
 
 
 def test_no_nominal_trajectory_where_there_is_none(identify):
@@ -332,7 +332,7 @@ def test_threads_and_repetition_give_the_same_bits(tokid, tmp_path, extension, o
     data = tmp_path / "data.npz"
     tokid("example", "oscillator", "-o", data, "--experiments", 20, "--steps", 20, "--measurement-noise", 0.1)
     files = []
-    for run, threads in enumerate([1, 1, 2, 3, 0]):
+    for run, threads in enumerate([1, 3, 3]):
         model = tmp_path / f"model{run}{extension}"
         tokid("identify", data, "-o", model, "--threads", threads, "--hold-out", 0.25, *options)
         files.append(model.read_bytes())
