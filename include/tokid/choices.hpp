@@ -69,8 +69,8 @@ struct AheadCertainty {
   // The least share of their variance that comes from the model: by how much the models of different folds differ.
   double model_share = std::numeric_limits<double>::quiet_NaN();
 };
-// The choice between all trials, by the log-likelihood of the held-out experiments, or by the errors if steps share their
-// matrices. Filled if EM was tried.
+// The choice between all trials, by the log-likelihood of the held-out experiments. If steps share their matrices, the
+// errors decide. Filled if EM was tried.
 struct RefinementChoice {
   std::vector<RefinementTrial> trials;
   // n: OrderScores::best, or fewer states that suffice with EM. The first trial is the subspace model with

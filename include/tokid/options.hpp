@@ -112,8 +112,8 @@ struct IdentifyOptions {
   // if there are more than n. EM itself maximises the likelihood, whatever the weights are.
   std::vector<double> output_weights = {};
   // Steps ahead, ascending from 1 on: predictions of these horizons decide between numbers of states, EM and
-  // regressions. Those beyond half of the scored steps do not count. Others than the default ones must be at most half of
-  // the steps.
+  // regressions. Those beyond half of the scored steps do not count. Others than the default ones must be at most half
+  // of the steps.
   std::vector<Index> horizons = {1, 5, 20};
   // true: EM refines the model, if this lowers the cross-validation error. Empty: true for noisy data with the subspace
   // realisation.
