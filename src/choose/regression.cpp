@@ -125,8 +125,9 @@ bool may_start_em(const IdentifyOptions& options) {
   return options.refine.value_or(true) && options.method != Method::regression;
 }
 
-// The data permit more lags than were tried.
-void report_size_limit(Regressed& result, const Ensemble& data) {
+// Reports that the chosen order is the largest that was tried, if the data permit `more`.
+void report_size_limit(bool more, Index last_tried, const Ensemble& data, Regressed& result) {
+  if (!more || result.plan.lags != last_tried) return;
   result.findings.push_back({.kind = Finding::Kind::lags_at_limit,
                              .numbers = {{"lags", double(result.plan.lags)},
                                          {"experiments", double(data.experiments())},
@@ -232,7 +233,7 @@ void choose_variation(const Ensemble& data, const Ensemble& selection, const Ide
                        windows_are_scarce(selection, plan.lags);
   if (by_gaps) variation.smoothing = stiff;
   const auto report = [&] {
-    if (orders.more && plan.lags == orders.tried.back()) report_size_limit(result, data);
+    report_size_limit(orders.more, orders.tried.back(), data, result);
     if (by_gaps)
       result.findings.push_back({.kind = Finding::Kind::smoothing_by_gaps, .numbers = {{"smoothing", stiff}}});
   };
@@ -262,7 +263,7 @@ void choose_variation(const Ensemble& data, const Ensemble& selection, const Ide
   if (options.period == 0 && !options.smoothing) result.findings.push_back({.kind = Finding::Kind::no_variation});
   variation = {0.0, 1};
   if (constant) plan.lags = constant->lags;
-  if (constant_orders.more && plan.lags == constant_orders.tried.back()) report_size_limit(result, data);
+  report_size_limit(constant_orders.more, constant_orders.tried.back(), data, result);
 }
 
 // The regressions that choose_variation() does not reach, and the one that it chose.
@@ -436,7 +437,7 @@ Regressed regressed_as(const RegressionErrors::Found& rival, const Rivals& rival
   stated.jumps = std::vector<Index>{};
   Regressed result = regressed(data, selection, nominal, stated);
   if (std::isinf(rival.smoothing)) result.findings.push_back({.kind = Finding::Kind::no_variation});
-  if (rivals.more_lags && rival.lags == rivals.options.lags.back()) report_size_limit(result, data);
+  report_size_limit(rivals.more_lags, rivals.options.lags.back(), data, result);
   return result;
 }
 

@@ -376,7 +376,7 @@ class Assessment {
   }
 
   // "3.9, 4.6 and 6.3 %"
-  static std::string percents(const std::vector<double>& errors) {
+  static std::string percents(const auto& errors) {
     std::vector<std::string> texts;
     for (const double error : errors) texts.push_back(figure(100 * error, 2));
     return words::listed(texts) + " %";
@@ -418,10 +418,9 @@ class Assessment {
     const RegressionComparison& c = *options_.comparison;
     if (!c.model.standard_error.allFinite() || !c.regression.error.allFinite()) return "";
     const bool itself = model_.method == "regression";
-    return fmt::format(
-        " In cross-validation, the errors {} are {} of the departures from the mean motion (± {}){}.",
-        steps_ahead(c.horizons), percents(values_of(c.model.error)), percents(values_of(c.model.standard_error)),
-        itself ? "" : fmt::format(", and those of a regression {}", percents(values_of(c.regression.error))));
+    return fmt::format(" In cross-validation, the errors {} are {} of the departures from the mean motion (± {}){}.",
+                       steps_ahead(c.horizons), percents(c.model.error), percents(c.model.standard_error),
+                       itself ? "" : fmt::format(", and those of a regression {}", percents(c.regression.error)));
   }
 
   // Where the largest of the values is; empty if none is known.
