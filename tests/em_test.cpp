@@ -256,6 +256,22 @@ TEST(Refine, GainsAreThoseOfTheKalmanFilter) {
   EXPECT_EQ(refined.x0_mean.size(), 3);
 }
 
+// Shared matrices are determined by all steps, so that few experiments determine the initial states beside them.
+TEST(Refine, PredictsFromStepZeroAlsoWithFewExperiments) {
+  for (const Index period : {0, 1, 2}) {
+    SCOPED_TRACE(period);
+    const Model system = noisy_system({4, 1, 1}, 60, InitialState::unknown, 61, true);
+    const auto initial_states = [&](Index experiments) {
+      const RefineOptions o{.smoothing = period > 0 ? 0.0 : 3.0, .period = period, .iterations = 3};
+      return refine(system, noisy_experiments(system, experiments, 62), o).model.x0_mean.size();
+    };
+    EXPECT_EQ(initial_states(5), 4);
+    EXPECT_EQ(initial_states(4), period > 0 ? 4 : 0);
+    EXPECT_EQ(initial_states(2), period > 0 ? 4 : 0);
+    EXPECT_EQ(initial_states(1), 0);
+  }
+}
+
 TEST(Refine, StaysAtTheTruthForManyExperiments) {
   const Model system = noisy_system({2, 2, 1}, 6, InitialState::zero, 31);
   const Ensemble e = noisy_experiments(system, 20000, 32);

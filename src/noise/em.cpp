@@ -488,9 +488,10 @@ Refinement em::refine(const Model& model, const Ensemble& data, std::optional<Da
   result.model = kalman_observer(std::move(result.model));
   result.model.method = "em";
   result.model.period = period_of(start, options);
-  if (initial == InitialState::unknown && data.experiments() <= result.model.states()) {
-    // So few experiments do not determine the distribution of initial states. The initial states of other data must be
-    // estimated.
+  // Where each step has its own matrices, experiments that are not more than the states do not determine the
+  // distribution of initial states beside them. The initial states of other data must be estimated.
+  const Index least = result.model.period > 0 ? 2 : result.model.states() + 1;
+  if (initial == InitialState::unknown && data.experiments() < least) {
     result.model.x0_mean.resize(0);
     result.model.x0_cov.resize(0, 0);
   }
