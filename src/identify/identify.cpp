@@ -6,7 +6,9 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <initializer_list>
 #include <iterator>
+#include <memory>
 #include <stdexcept>
 
 #include "base/integers.hpp"
@@ -130,16 +132,11 @@ Findings findings_of_regressions(const Ensemble& data, const Survey& samples, co
   return std::move(found.findings);
 }
 
-Findings findings_of_free_responses(const FreeResponse& free, const Plan& plan) {
-  if (plan.method == Method::tvera || free.experiments == 0) return {};
-  return {{.kind = Finding::Kind::free_responses_unused, .numbers = {{"count", double(free.experiments)}}}};
-}
-
 // Findings about single experiments: repeated inputs, stuck sensors and outliers.
 struct ExperimentFindings {
   Findings findings;
   std::vector<Outlier> outliers;
-  std::vector<std::string> labels;  // of the experiments that are stuck or outliers
+  std::vector<std::string> misfits;  // labels of the experiments that are stuck or outliers
 };
 
 // All measured experiments, and what was done about outliers among them.
@@ -163,43 +160,13 @@ std::vector<Outlier> all_outliers(std::vector<Outlier> found, const Measured& me
   return result;
 }
 
-ExperimentFindings experiment_findings(const Ensemble& used, const Measured& measured,
-                                       const std::vector<Index>& held_out, const Model& model, const Plan& plan,
-                                       const IdentifyOptions& options) {
-  const bool exact = !plan.noisy && plan.initial_state == InitialState::zero;
-  const Index r = used.inputs(), p = plan.lags;
-  // With unknown initial states, or with noise, states also vary without inputs. Fewer different inputs are then
-  // needed.
-  const Index needed = options.period > 0 ? 0
-                       : plan.coupled     ? r + model.states()
-                       : exact            ? experiments_for(used, p, plan)
-                                          : r * (p + 1);
-  ExperimentFindings result;
-  result.findings = findings_of_repeats(used, needed, p);
-  append(result.findings, findings_of_recording(measured.all));
-  StuckOutputs stuck = stuck_outputs(measured.all);
-  append(result.findings, std::move(stuck.findings));
-  Examined found = examined(used, model, plan, options.execution);
-  if (!found.unnamed.empty()) {
-    Finding misfits{.kind = Finding::Kind::many_misfits};
-    for (const Index n : found.unnamed) {
-      const Index row = measured.rows[size_t(n)];
-      misfits.experiments.push_back({row, measured.all.experiment_name(row)});
-    }
-    result.findings.push_back(std::move(misfits));
-  }
-  result.outliers = all_outliers(std::move(found.outliers), measured, held_out);
-  append(result.findings, findings_of(result.outliers, stuck.experiments));
-  for (const Index n : stuck.experiments) result.labels.push_back(measured.all.experiment_label(n));
-  for (const Outlier& outlier : result.outliers)
-    result.labels.push_back(measured.all.experiment_label(outlier.experiment));
-  return result;
-}
-
 // `regressed_from`: the first step with a regression.
-Findings findings_of_states(const Model& model, const Ensemble& data, const Plan& plan, Index regressed_from,
-                            const IdentifyOptions& options) {
+Findings findings_of_model(const Model& model, const Ensemble& data, const Plan& plan, Index regressed_from,
+                           const IdentifyOptions& options) {
   Findings result;
+  if (plan.method != Method::tvera && data.free.experiments > 0)
+    result.push_back(
+        {.kind = Finding::Kind::free_responses_unused, .numbers = {{"count", double(data.free.experiments)}}});
   const Index unknowns = model.states() + model.inputs;
   const TimeVariation& variation = plan.choices.variation;
   if (plan.coupled && plan.method == Method::subspace && variation.period == 0 && variation.smoothing > 0 &&
@@ -221,28 +188,6 @@ Findings findings_of_states(const Model& model, const Ensemble& data, const Plan
   return result;
 }
 
-// Validates with the held-out experiments or, if there are none, with the training data. `misfits` of the options:
-// labels of experiments that are known to be wrong.
-Validation validated(const Model& model, const Ensemble& training, const Ensemble* held_out, const Measured* measured,
-                     ValidateOptions o) {
-  const Ensemble& tested = held_out ? *held_out : training;
-  Validation result = validate_in_numbers(model, tested, o);
-  if (measured) {
-    // The held-out part of a single record is its end.
-    const Ensemble& all = measured->all;
-    const Index first = held_out ? all.steps() - held_out->steps() : 0;
-    result.outlying = outlying_in(all, tested, first, std::move(result.outlying));
-    if (held_out && result.noisy) {
-      auto more = outlying_in(all, training, 0, outlying_samples(model, training, o));
-      std::move(more.begin(), more.end(), std::back_inserter(result.outlying));
-    }
-    const std::vector<OutlyingSamples>& before = measured->treatment.samples;
-    result.outlying.insert(result.outlying.begin(), before.begin(), before.end());
-  }
-  append(result.findings, findings_of(result.outlying, tested.names));
-  return result;
-}
-
 // Surveys the samples. \throws std::invalid_argument if they do not permit an identification
 Survey checked_channels(const Ensemble& data) {
   Survey samples = checked(data);
@@ -254,12 +199,12 @@ Survey checked_channels(const Ensemble& data) {
 }
 
 // The model in the coordinates of its plan.
-Model framed(Model model, const Plan& plan, Findings& findings) {
+std::pair<Model, Findings> framed(Model model, const Plan& plan) {
   const Index step = frame_step(model, plan);
   FramedModel result = in_frame(std::move(model), plan);
-  append(findings, findings_of_frame(result, step, plan));
   check_finite(result.model);
-  return std::move(result.model);
+  Findings findings = findings_of_frame(result, step, plan);
+  return {std::move(result.model), std::move(findings)};
 }
 
 // Moves the tests and scores that led to the choices into the result.
@@ -311,22 +256,56 @@ Plan measured_plan(Plan plan, const Prepared& prepared) {
   return plan;
 }
 
-// The measured experiments with delayed inputs, their model and their plan: without the states that hold inputs. The
-// regressions of experiments need these.
-struct WithoutHeldInputs {
-  Ensemble data;
+// Measured experiments, their model and their plan, without the states that hold inputs: with delayed inputs instead.
+// The examination of single experiments needs these, because its regressions hold no inputs.
+struct Examinable {
+  std::shared_ptr<const Ensemble> data;  // refers to the measured experiments if there are no dead times
   Model model;
   Plan plan;
 };
 
-// Without a value if there are no dead times. `plan`: with the states that hold inputs.
-std::optional<WithoutHeldInputs> without_held_inputs(const Ensemble& used, const Model& model, const Plan& plan,
-                                                     const Prepared& prepared) {
-  if (prepared.delays.empty()) return std::nullopt;
-  WithoutHeldInputs result{delayed(used, prepared.delays), measured_model(model, prepared, {}), plan};
+// `model`: of the prepared samples. `plan`: with the states that hold inputs.
+Examinable without_held_inputs(const Ensemble& used, const Model& model, const Plan& plan, const Prepared& prepared) {
+  Examinable result{{std::shared_ptr<const Ensemble>(), &used}, measured_model(model, prepared, {}), plan};
+  if (prepared.delays.empty()) return result;
+  result.data = std::make_shared<const Ensemble>(delayed(used, prepared.delays));
   result.model.u_nominal = delayed(std::move(result.model.u_nominal), prepared.delays);
   result.plan.choices.delays.clear();
   result.plan.states -= held_inputs(prepared.delays);
+  return result;
+}
+
+ExperimentFindings experiment_findings(const Examinable& plant, const Measured& measured,
+                                       const std::vector<Index>& held_out, const IdentifyOptions& options) {
+  const Ensemble& used = *plant.data;
+  const Plan& plan = plant.plan;
+  const bool exact = !plan.noisy && plan.initial_state == InitialState::zero;
+  const Index r = used.inputs(), p = plan.lags;
+  // With unknown initial states, or with noise, states also vary without inputs. Fewer different inputs are then
+  // needed.
+  const Index needed = options.period > 0 ? 0
+                       : plan.coupled     ? r + plant.model.states()
+                       : exact            ? experiments_for(used, p, plan)
+                                          : r * (p + 1);
+  ExperimentFindings result;
+  result.findings = findings_of_repeats(used, needed, p);
+  append(result.findings, findings_of_recording(measured.all));
+  StuckOutputs stuck = stuck_outputs(measured.all);
+  append(result.findings, std::move(stuck.findings));
+  Examined found = examined(used, plant.model, plan, in_stage(options.execution, WorkStage::examination));
+  if (!found.unnamed.empty()) {
+    Finding misfits{.kind = Finding::Kind::many_misfits};
+    for (const Index n : found.unnamed) {
+      const Index row = measured.rows[size_t(n)];
+      misfits.experiments.push_back({row, measured.all.experiment_name(row)});
+    }
+    result.findings.push_back(std::move(misfits));
+  }
+  result.outliers = all_outliers(std::move(found.outliers), measured, held_out);
+  append(result.findings, findings_of(result.outliers, stuck.experiments));
+  for (const Index n : stuck.experiments) result.misfits.push_back(measured.all.experiment_label(n));
+  for (const Outlier& outlier : result.outliers)
+    result.misfits.push_back(measured.all.experiment_label(outlier.experiment));
   return result;
 }
 
@@ -334,9 +313,8 @@ std::optional<WithoutHeldInputs> without_held_inputs(const Ensemble& used, const
 Model first_model(const Model& model, const Plan& plan, const Prepared& prepared, const Ensemble& training,
                   const IdentifyOptions& options) {
   Identification found;
-  Findings findings;
   found.plan = measured_plan(plan, prepared);
-  found.model = framed(measured_model(model, prepared, prepared.delays), found.plan, findings);
+  found.model = framed(measured_model(model, prepared, prepared.delays), found.plan).first;
   found.experiments = training.experiments();
   found.steps = training.steps();
   found.model.provenance = origin_of(options, true, found);
@@ -356,120 +334,166 @@ IdentifyOptions without_held_inputs(IdentifyOptions options, const std::vector<I
   return options;
 }
 
-// The arguments of identified().
+// What is identified.
 struct Task {
   const Ensemble& used;
-  const Vector& weights;
-  const Measured* measured;
+  Vector weights;            // of the used experiments, between 0 and 1
+  const Measured* measured;  // the source of the names of single experiments; null: no findings about these
   bool validating;
   const IdentifyOptions& options;
-  const OnModel& on_model;
+  OnModel on_model = {};
 };
+
+// The experiments that are identified, and those that are held out.
+struct Parts {
+  const Ensemble& used;
+  std::optional<Split> split;  // without a value, nothing is held out
+
+  const Ensemble& training() const { return split ? split->training : used; }
+  const Ensemble* held_out() const { return split ? &split->held_out : nullptr; }
+  std::vector<Index> held_out_rows() const { return split ? split->held_out_rows : std::vector<Index>{}; }
+  // A single record is split in time. Its weight is that of its first part.
+  Vector of_training(const Vector& weights) const {
+    if (training().experiments() == used.experiments()) return weights;
+    return weights(other_rows(used.experiments(), held_out_rows()));
+  }
+};
+
+Parts parts_of(const Ensemble& used, const IdentifyOptions& options) {
+  if (options.hold_out == 0) return {used, {}};
+  return {used, split(used, options.hold_out, options.period)};
+}
+
+bool may_vary(const IdentifyOptions& options) {
+  return options.period == 0 && !std::isinf(options.smoothing.value_or(0.0));
+}
+
+// Validates with the held-out experiments or, if there are none, with the training data. `misfits`: labels of
+// experiments that are known to be wrong.
+Validation validated(const Model& model, InitialState initial, const Parts& parts, std::vector<std::string> misfits,
+                     const Task& task) {
+  const Execution execution = in_stage(task.options.execution, WorkStage::validation);
+  if (execution.progress) execution.progress({});
+  const ValidateOptions o{.initial_state = initial, .misfits = std::move(misfits)};
+  const Ensemble* held_out = parts.held_out();
+  const Ensemble &training = parts.training(), &tested = held_out ? *held_out : training;
+  Validation result = validate_in_numbers(model, tested, o);
+  if (task.measured) {
+    // The held-out part of a single record is its end.
+    const Ensemble& all = task.measured->all;
+    const Index first = held_out ? all.steps() - held_out->steps() : 0;
+    result.outlying = outlying_in(all, tested, first, std::move(result.outlying));
+    if (held_out && result.noisy) {
+      auto more = outlying_in(all, training, 0, outlying_samples(model, training, o));
+      std::move(more.begin(), more.end(), std::back_inserter(result.outlying));
+    }
+    const std::vector<OutlyingSamples>& before = task.measured->treatment.samples;
+    result.outlying.insert(result.outlying.begin(), before.begin(), before.end());
+  }
+  append(result.findings, findings_of(result.outlying, tested.names));
+  return result;
+}
+
+// `missing`: samples of the used experiments.
+Findings findings_of_measured(const Task& task, const Ensemble& training, const Survey& samples, Extent steps,
+                              Index missing) {
+  const bool named = task.measured != nullptr;
+  Findings result;
+  if (named) append(result, remarks(task.measured->all));
+  if (named && may_vary(task.options))
+    append(result, findings_of_reach(task.measured->all, task.measured->rows, steps, fewest_at_a_step));
+  append(result, findings_of_samples(training, samples, steps, task.options.period));
+  if (named && task.options.period == 0 && missing > 0) append(result, findings_of_overlap(task.measured->all));
+  return result;
+}
+
+// What regressions show of the data, before a realisation uses up their coefficients.
+struct Surveyed {
+  RegressionSurvey survey;
+  Index from = 0;  // the first step with a regression
+  Findings findings;
+};
+
+Surveyed surveyed(Regressed& regression, const Prepared& prepared, const Survey& samples,
+                  const IdentifyOptions& options) {
+  const GtvArx& arx = regression.arx;
+  Surveyed result{survey_of(arx, prepared.nominal.has_value(), 0, arx.steps()), arx.k_begin,
+                  std::move(regression.findings)};
+  Findings found = findings_of_regressions(prepared.data, samples, regression, result.survey, options);
+  append(result.findings, measured_findings(std::move(found), prepared.units));
+  return result;
+}
+
+Findings joined(std::initializer_list<Findings> parts) {
+  Findings result;
+  for (const Findings& part : parts) append(result, part);
+  return result;
+}
+
 Identification identified_before(Index end, Index needed, const Ensemble& training, const Task& task);
 
-// `weights`: of the used experiments, between 0 and 1. `measured`: the source of the names of single experiments; null:
-// no findings about single experiments.
-Identification identified(const Ensemble& used, const Vector& weights, const Measured* measured, bool validating,
-                          const IdentifyOptions& options, const OnModel& on_model = {}) {
+Identification identified(const Task& task) {
+  const IdentifyOptions& options = task.options;
   check_options(options);
-  const Survey all_samples = checked_channels(used);
-  Split parts;
-  const bool holding_out = options.hold_out > 0;
-  if (holding_out) parts = split(used, options.hold_out, options.period);
-  const Ensemble& training = holding_out ? parts.training : used;
-  const Task task{used, weights, measured, validating, options, on_model};
-  const bool varies = options.period == 0 && !std::isinf(options.smoothing.value_or(0.0));
-  const Extent steps = varies ? reached(training, fewest_at_a_step) : Extent{0, training.steps()};
+  const Survey all_samples = checked_channels(task.used);
+  const Parts parts = parts_of(task.used, options);
+  const Ensemble& training = parts.training();
+  const Extent steps = may_vary(options) ? reached(training, fewest_at_a_step) : Extent{0, training.steps()};
   if (steps.end < training.steps()) return identified_before(steps.end, fewest_at_a_step, training, task);
-  const Survey samples = holding_out ? survey(training, 0, training.steps()) : all_samples;
+  const Survey samples = parts.split ? survey(training, 0, training.steps()) : all_samples;
+  const Findings of_measured = findings_of_measured(task, training, samples, steps, all_samples.missing);
 
-  Identification result;
-  Findings& findings = result.findings;
-  if (measured) append(findings, remarks(measured->all));
-  if (measured && varies) append(findings, findings_of_reach(measured->all, measured->rows, steps, fewest_at_a_step));
-  append(findings, findings_of_samples(training, samples, steps, options.period));
-  if (measured && options.period == 0 && all_samples.missing > 0) append(findings, findings_of_overlap(measured->all));
-
-  // A single record is split in time. Its weight is that of its first part.
-  const Vector of_training = training.experiments() == used.experiments()
-                                 ? weights
-                                 : Vector(weights(other_rows(used.experiments(), parts.held_out_rows)));
-  Prepared prepared = prepare(training, of_training, options);
-  append(findings, std::move(prepared.findings));
-  const bool nominal = prepared.nominal.has_value();
-  const Ensemble& data = prepared.data;
-  check_method(data, options);
+  const Vector weights = parts.of_training(task.weights);
+  Prepared prepared = prepare(training, weights, options);
+  check_method(prepared.data, options);
   const IdentifyOptions of_plant = without_held_inputs(options, prepared.delays);
-  append(findings, findings_of_lags(data, of_plant));
-  const Selection selection = selection_samples(data, options);
-  Regressed regression = regressed(data, selection, nominal, of_plant);
-  if (const Index needed = experiments_for(data, regression.plan.lags, regression.plan); !regression.plan.coupled)
+  const Findings of_lags = findings_of_lags(prepared.data, of_plant);
+
+  const Selection selection = selection_samples(prepared.data, options);
+  Regressed regression = regressed(prepared.data, selection, prepared.nominal.has_value(), of_plant);
+  if (const Index needed = experiments_for(prepared.data, regression.plan.lags, regression.plan);
+      !regression.plan.coupled)
     if (const Index end = reached(training, needed).end; end < training.steps())
       return identified_before(end, needed, training, task);
-  BeforeEm before_em;
-  if (on_model)
-    before_em = [&](const Model& model, const Plan& plan) {
-      on_model(first_model(model, plan, prepared, training, options));
-    };
-  RegressionSurvey survey;
-  Findings of_regressions;
-  Index regressed_from = 0;
-  const auto examine = [&] {
-    survey = survey_of(regression.arx, nominal, 0, regression.arx.steps());
-    of_regressions = std::move(regression.findings);
-    append(of_regressions,
-           measured_findings(findings_of_regressions(data, samples, regression, survey, options), prepared.units));
-    regressed_from = regression.arx.k_begin;
-  };
-  examine();
-  Realised realisation = realised(std::move(prepared.data), selection, regression, of_plant, before_em);
-  if (realisation.instead) examine();
-  append(findings, std::move(of_regressions));
-  append(findings, std::move(realisation.findings));
-  if (nominal && options.period == 1 && !options.nominal && realisation.plan.noisy && of_training.minCoeff() == 1)
-    add_remaining_constant(realisation.model, realisation.plan.initial_state, prepared);
-  result.plan = measured_plan(std::move(realisation.plan), prepared);
-  const std::optional<WithoutHeldInputs> late = without_held_inputs(used, realisation.model, result.plan, prepared);
-  result.model = measured_model(std::move(realisation.model), prepared, prepared.delays);
-  append(findings, findings_of_free_responses(training.free, result.plan));
-  append(findings, findings_of_absent_states(result.model));
-  Findings of_states = findings_of_states(late ? late->model : result.model, training, late ? late->plan : result.plan,
-                                          regressed_from, of_plant);
-  prepared.data = {};  // frees memory for what follows
-  ValidateOptions validation;
-  validation.initial_state = result.plan.initial_state;
-  if (measured) {
-    IdentifyOptions examining = options;
-    examining.execution = in_stage(options.execution, WorkStage::examination);
-    ExperimentFindings found =
-        experiment_findings(late ? late->data : used, *measured, parts.held_out_rows, late ? late->model : result.model,
-                            late ? late->plan : result.plan, examining);
-    append(findings, std::move(found.findings));
-    result.outliers = std::move(found.outliers);
-    validation.misfits = std::move(found.labels);
-  }
-  append(findings, std::move(of_states));
+  Surveyed regressions = surveyed(regression, prepared, samples, options);
 
-  result.model = framed(std::move(result.model), result.plan, findings);
+  BeforeEm before_em;
+  if (task.on_model)
+    before_em = [&](const Model& model, const Plan& plan) {
+      task.on_model(first_model(model, plan, prepared, training, options));
+    };
+  Realised realisation = realised(std::move(prepared.data), selection, regression, of_plant, before_em);
+  if (realisation.instead) regressions = surveyed(regression, prepared, samples, options);
+  if (prepared.nominal && options.period == 1 && !options.nominal && realisation.plan.noisy && weights.minCoeff() == 1)
+    add_remaining_constant(realisation.model, realisation.plan.initial_state, prepared);
+  Identification result;
+  result.plan = measured_plan(std::move(realisation.plan), prepared);
+  const Examinable plant = without_held_inputs(task.used, realisation.model, result.plan, prepared);
+  Findings of_model = findings_of_model(plant.model, training, plant.plan, regressions.from, of_plant);
+  Model realised_model = measured_model(std::move(realisation.model), prepared, prepared.delays);
+  append(of_model, findings_of_absent_states(realised_model));
+  prepared.data = {};  // frees memory for what follows
+  ExperimentFindings experiments;
+  if (task.measured) experiments = experiment_findings(plant, *task.measured, parts.held_out_rows(), options);
+  auto [model, of_frame] = framed(std::move(realised_model), result.plan);
+  result.model = std::move(model);
+  result.outliers = std::move(experiments.outliers);
+  if (task.validating)
+    result.validation = validated(result.model, result.plan.initial_state, parts, std::move(experiments.misfits), task);
+  result.findings = joined({of_measured, prepared.findings, of_lags, regressions.findings, realisation.findings,
+                            of_model, experiments.findings, of_frame, result.validation.findings,
+                            findings_of_fit(result.validation.one_step.fit, training.names)});
 
   result.experiments = training.experiments();
   result.steps = training.steps();
   result.min_experiments = experiments_for(training, result.plan.lags, result.plan);
-  take_evidence(std::move(prepared.nominal_test), std::move(regression), survey, std::move(realisation), result);
-  result.held_out = holding_out;
-  result.held_out_experiments = used.experiments() - training.experiments();
-  const bool chosen = result.plan.noisy || options.choices;
-  result.model.provenance = origin_of(options, chosen, result);
+  result.held_out = parts.split.has_value();
+  result.held_out_experiments = task.used.experiments() - training.experiments();
+  take_evidence(std::move(prepared.nominal_test), std::move(regression), regressions.survey, std::move(realisation),
+                result);
+  result.model.provenance = origin_of(options, result.plan.noisy || options.choices, result);
   result.model.provenance.data = {fingerprint(training)};
   result.model.provenance.dt_stated = training.dt_stated;
-  if (validating) {
-    const Execution execution = in_stage(options.execution, WorkStage::validation);
-    if (execution.progress) execution.progress({});
-    result.validation =
-        validated(result.model, training, holding_out ? &parts.held_out : nullptr, measured, validation);
-    append(findings, result.validation.findings);
-    append(findings, findings_of_fit(result.validation.one_step.fit, training.names));
-  }
   if (options.execution.progress) options.execution.progress({.share = 1.0});
   return result;
 }
@@ -477,15 +501,16 @@ Identification identified(const Ensemble& used, const Vector& weights, const Mea
 // Identifies the steps before `end` alone. Fewer than the needed training experiments reach the later steps.
 Identification identified_before(Index end, Index needed, const Ensemble& training, const Task& task) {
   const Measured* all = task.measured;
+  const Ensemble used = begin_of(task.used, end);
   std::optional<Ensemble> all_begin;
   std::optional<Measured> measured;
   if (all) measured.emplace(Measured{all_begin.emplace(begin_of(all->all, end)), all->rows, all->treatment});
-  Identification result = identified(begin_of(task.used, end), task.weights, measured ? &*measured : nullptr,
-                                     task.validating, task.options, task.on_model);
+  Identification result =
+      identified({used, task.weights, measured ? &*measured : nullptr, task.validating, task.options, task.on_model});
   note_data(result.model.provenance, fingerprint(training));
   const Findings unused = all ? findings_of_reach(all->all, all->rows, {0, end}, needed)
                               : findings_of_reach(task.used, range(0, task.used.experiments()), {0, end}, needed);
-  result.findings.insert(result.findings.begin(), unused.begin(), unused.end());
+  result.findings = joined({unused, result.findings});
   return result;
 }
 
@@ -497,11 +522,11 @@ Identification identified_after(const Ensemble& used, Measured measured, const I
                                 const OnModel& on_model = {}) {
   const Treatment& treatment = measured.treatment;
   if (treatment.corrections.empty())
-    return identified(used, Vector::Ones(used.experiments()), &measured, true, options, on_model);
+    return identified({used, Vector::Ones(used.experiments()), &measured, true, options, on_model});
   const Corrected remaining = corrected(measured.all, measured.rows, treatment.corrections);
   measured.rows = remaining.rows;
   try {
-    Identification result = identified(remaining.data, remaining.weights, &measured, true, options);
+    Identification result = identified({remaining.data, remaining.weights, &measured, true, options});
     result.model.provenance.corrections = treatment.corrections;
     if (options.hold_out == 0) note_data(result.model.provenance, fingerprint(measured.all));
     return result;
@@ -585,14 +610,14 @@ Provenance origin_of(const IdentifyOptions& options, bool chosen, const Identifi
 
 Identification identify_part(const Ensemble& ensemble, const IdentifyOptions& options, bool validated) {
   if (options.outliers == OutlierChoice::keep)
-    return identified(ensemble, Vector::Ones(ensemble.experiments()), nullptr, validated, options);
+    return identified({ensemble, Vector::Ones(ensemble.experiments()), nullptr, validated, options});
   IdentifyOptions half = options;
   half.execution = share(options.execution, 0.0, 0.5);
   const Corrections corrections = identified_with_outliers(ensemble, {ensemble, range(0, ensemble.experiments())}, half)
                                       .model.provenance.corrections;
   const Corrected remaining = corrected(ensemble, corrections);
   half.execution = share(options.execution, 0.5, 1.0);
-  Identification result = identified(remaining.data, remaining.weights, nullptr, validated, half);
+  Identification result = identified({remaining.data, remaining.weights, nullptr, validated, half});
   result.model.provenance.corrections = corrections;
   return result;
 }
