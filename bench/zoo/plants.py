@@ -436,6 +436,46 @@ def crane():
                  **sizes([20], [0.05, 0.05, 0.01, 0.02]))
 
 
+def wheeled_robot():
+    """Position [m] and heading [rad] on an S-curve; speed [m/s] and turn rate [rad/s]. Siegwart, Nourbakhsh, 2004."""
+    dt, steps = 0.02, 240
+
+    def rate(x, u, t):
+        return columns(u[:, 0] * np.cos(x[:, 2]), u[:, 0] * np.sin(x[:, 2]), u[:, 1])
+
+    def policy(x, k):
+        return [1 + 0.3 * np.sin(4 * np.pi * k / steps), 2.6 * np.sin(2 * np.pi * k / steps)]
+
+    step = rk4(rate, dt)
+    return Plant("wheeled_robot", "wheeled robot on an S-curve", dt, step,
+                 measured(np.eye(3)), **along(step, np.zeros(3), policy, steps),
+                 **sizes([0.15, 0.5], [0.02, 0.02, 0.02]), closed=True)
+
+
+def balancing_robot():
+    """Tilt [rad], its rate, wheel speed; voltage; time-invariant with a pole at 1.08. Grasser et al., TIE 2002."""
+    matrices = np.array([[0, 1, 0], [16, -0.5, 0.8], [0, 0, -6]]), np.array([[0], [-4.0], [30]])
+    return Plant("balancing_robot", "robot that balances on two wheels, time-invariant", 0.02,
+                 rk4(linear(lambda t: matrices), 0.02, 2), measured([[1, 0, 0], [0, 0, 1]]), **at_rest(3, 1, 150),
+                 **sizes([2], [0.01, 0.05, 0.5]), closed=True)
+
+
+def dead_time():
+    """Two lags behind eight steps of dead time; the first of them varies. Seborg, Edgar, Mellichamp."""
+    dt, steps, delay = 0.1, 150, 8
+
+    def step(x, u, k):
+        first = 0.35 + 0.2 * np.sin(2 * np.pi * k / steps)
+        arrived, lag, last = x[:, 0], x[:, delay], x[:, delay + 1]
+        moved = columns(lag + first * (arrived - lag), last + 0.5 * (lag - last))
+        return np.hstack([x[:, 1:delay], u, moved])
+
+    x_std = np.r_[np.zeros(delay), 0.5, 0.5]
+    return Plant("dead_time", "two lags behind eight steps of dead time", dt, step,
+                 measured(np.eye(delay + 2)[-1:]), **at_rest(delay + 2, 1, steps), u_std=np.ones(1), x_std=x_std)
+
+
 PLANTS = {make.__name__: make for make in (
     oscillator, cart_pole, two_link_arm, quadrotor, aircraft, launch_vehicle, batch_reactor, battery, rotor, beam,
-    mass_chain, gear_shift, stage_separation, stiffness_jump, invariant_structure, invariant_delay, suspension, crane)}
+    mass_chain, gear_shift, stage_separation, stiffness_jump, invariant_structure, invariant_delay, suspension, crane, wheeled_robot,
+    balancing_robot, dead_time)}
