@@ -84,7 +84,7 @@ def test_words_and_times_in_tables():
     run = table(3).astype({"T [degC]": object})
     run.loc[4, "T [degC]"] = "I/O Timeout"
     run.loc[5, "T [degC]"] = "away"
-    with pytest.raises(ValueError, match=r"table a: line 7, column 'T \[degC\]': 'away' found, a number needed"):
+    with pytest.raises(ValueError, match=r"table a, row 5, column 'T \[degC\]': 'away' found, a number needed"):
         tokid.Ensemble.from_dataframe({"a": run}, **CHANNELS)
     data = tokid.Ensemble.from_dataframe({"a": run}, **CHANNELS, missing=["away"])
     assert np.isnan(data.y[0, 4:6, 0]).all() and not np.isnan(data.y[0, 6:, 0]).any()

@@ -30,6 +30,7 @@ from ._lock import FileLock
 from ._model import Model, UpdateState
 from ._observer import Observer
 from ._plan import plan
+from ._read import read
 from ._state_space import MatrixSequence, Step
 from ._tokid import version as __version__
 from ._typing import ProgressShare
@@ -97,6 +98,7 @@ __all__ = [
     "load",
     "paper",
     "plan",
+    "read",
     "stages",
     "update",
 ]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""python -m tokid: the command line tool that was installed with this package."""
+"""python -m tokid: the command line tool that was installed with this package, and the command import."""
 
 from __future__ import annotations
 
@@ -27,7 +27,12 @@ def places(package: Path) -> list[Path]:
 
 
 def main() -> int:
-    """Run the tool with the arguments of this process, and return its exit code."""
+    """Run the tool with the arguments of this process, and return its exit code. Python runs the command import."""
+    if sys.argv[1:2] == ["import"]:
+        from tokid import read
+        from tokid._reading.command import main as import_tables
+
+        return import_tables(sys.argv[2:], read)
     package = Path(__file__).absolute().parent
     tool = next((path for path in places(package) if path.is_file() and os.access(path, os.X_OK)), None)
     if tool is None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Optional, Union
 
 import numpy as np
 
-from . import _arrays, _dataframe, _dataset, _options, _recordings, _samples, _tokid
+from . import _arrays, _dataframe, _dataset, _options, _reading, _samples, _tokid
 from ._channels import Channels
 from ._errors import reading, warn, writing
 from ._held import Held
@@ -210,14 +210,16 @@ class Ensemble(Channels):
             successive steps; if the last line may be incomplete; if a .csv has changed since tokid wrote it; if axes
             look swapped.
         """
-        options = _recordings.read_options(_recordings.among(locals()))
+        options = {name: value for name, value in locals().items() if name in _reading.OPTIONS}
         if isinstance(path, (str, bytes, os.PathLike)) or not isinstance(path, Iterable):
             paths = [path]
         else:
             paths = list(path)
+        if _reading.is_for_tables(paths, options):
+            return cls._with_warnings(_reading.read(paths, options))
         with ExitStack() as stack:
             files = [stack.enter_context(reading(one)) for one in paths]
-            core = _tokid.load_ensemble(files, options)
+            core = _tokid.load_ensemble(files, _reading.for_library(options))
         return cls._with_warnings(core)
 
     def save(self, path: PathLike, *, mat73: bool = False) -> None:
@@ -437,8 +439,8 @@ class Ensemble(Channels):
         """
         described = description(locals())
         columns: dict[str, Any] = {"inputs": inputs, "outputs": outputs, "outputs_required": outputs_required, "dt": dt}
-        if recorded or _recordings.is_several(data):
-            core = _recordings.load(data, _recordings.read_options({**columns, **recorded}), **described)
+        if recorded or _reading.is_several(data):
+            core = _reading.read(data, {**columns, **recorded}, described)
         else:
             core = _dataframe.from_dataframe(data, **columns, **described)
         return cls._with_warnings(core)
@@ -503,9 +505,8 @@ class Ensemble(Channels):
         """
         described = description(locals())
         samples: dict[str, Any] = {"outputs_required": outputs_required, "dt": dt}
-        if recorded or inputs or outputs or _recordings.is_several(data):
-            options = _recordings.read_options({"inputs": inputs, "outputs": outputs, **samples, **recorded})
-            core = _recordings.load(data, options, **described)
+        if recorded or inputs or outputs or _reading.is_several(data):
+            core = _reading.read(data, {"inputs": inputs, "outputs": outputs, **samples, **recorded}, described)
         else:
             core = _dataset.from_xarray(data, **samples, **described)
         return cls._with_warnings(core)

@@ -115,6 +115,11 @@ def imported(source):
 def imports():
     """Module of the Python package → the modules that it imports. The extension lies below all of them."""
     sources = {path.stem: path.read_text() for path in PACKAGE.glob("*.py")}
+    # A sub-package is one module, whose imports of its own files are left out.
+    for package in {path.parent for path in PACKAGE.glob("*/*.py")}:
+        text = "\n".join(path.read_text() for path in package.glob("*.py"))
+        text = re.sub(r"^( *)from \.(?!\.).*?import (?:\([^)]*\)|.*)$", r"\1pass", text, flags=re.MULTILINE)
+        sources[package.name] = re.sub(r"\bfrom \.\.", "from .", text).replace("from __future__ import annotations", "")
     return {module: {name if name in sources else "__init__" for name in imported(source) if name != "_tokid"}
             for module, source in sources.items()}
 
