@@ -17,21 +17,6 @@ CLI::Option* described(CLI::Option* option, const char* type) {
   return option;
 }
 
-Choices<DateOrder> date_orders() {
-  return {{"day-first", DateOrder::day_first}, {"month-first", DateOrder::month_first}};
-}
-
-Choices<ResampleMethod> resample_methods() {
-  return {{"linear", ResampleMethod::linear}, {"previous", ResampleMethod::previous}, {"mean", ResampleMethod::mean}};
-}
-
-// \pre one of the choices has this value
-template <class T>
-std::string word_for(const Choices<T>& choices, T value) {
-  return std::find_if(choices.begin(), choices.end(), [value](const auto& choice) { return choice.second == value; })
-      ->first;
-}
-
 }  // namespace
 
 std::vector<std::string> split_at_commas(const std::string& text) { return CLI::detail::split(text, ','); }
@@ -82,31 +67,12 @@ std::string words_of(const std::vector<fs::path>& paths) {
 }
 
 std::string words_of(const ReadOptions& options) {
-  const ReadOptions defaults;
-  // All fields, so that a new one is an error here. outputs_required and wanted have no option.
-  const auto& [inputs, outputs, outputs_required, wanted, time, experiment, missing, dates, dt, trigger, before,
-               resample, resample_method, held, longest_gap] = options;
   std::string text;
-  const auto add = [&text](const char* name, const std::string& value) {
-    text += fmt::format(" {} {}", name, word(value));
+  const auto add = [&text](const char* name, const std::vector<std::string>& list) {
+    if (!list.empty()) text += fmt::format(" {} {}", name, word(fmt::format("{}", fmt::join(list, ","))));
   };
-  const auto add_list = [&add](const char* name, const std::vector<std::string>& list) {
-    if (!list.empty()) add(name, fmt::format("{}", fmt::join(list, ",")));
-  };
-  add_list("--inputs", inputs);
-  add_list("--outputs", outputs);
-  if (!time.empty()) add("--time", time);
-  if (!experiment.empty()) add("--experiment-column", experiment);
-  add_list("--missing", missing);
-  if (dates != defaults.dates) add("--dates", word_for(date_orders(), dates));
-  if (dt) add("--dt", fmt::format("{}", *dt));
-  if (!trigger.empty()) add("--trigger", trigger);
-  if (before != defaults.before) add("--before", fmt::format("{}", before));
-  if (resample) add("--resample", fmt::format("{}", *resample));
-  if (resample_method != defaults.resample_method)
-    add("--resample-method", word_for(resample_methods(), resample_method));
-  add_list("--held", held);
-  if (longest_gap) add("--longest-gap", fmt::format("{}", *longest_gap));
+  add("--inputs", options.inputs);
+  add("--outputs", options.outputs);
   return text;
 }
 
@@ -135,50 +101,18 @@ void Command::name(const char* name, std::string& target, const char* type, cons
 }
 
 void Command::columns(ReadOptions& options) {
-  const auto add = [this](const char* name, std::vector<std::string>& target, const char* type, const char* what,
-                          const char* description) {
-    const auto set = [&target, name, what](const std::string& text) {
+  const auto add = [this](const char* name, std::vector<std::string>& target, const char* description) {
+    const auto set = [&target, name](const std::string& text) {
       target = split_at_commas(text);
       for (const std::string& column : target)
         if (column.empty())
           throw CLI::ValidationError(
-              name, fmt::format("'{}' contains an empty {}. Write one comma between two of them", text, what));
+              name, fmt::format("'{}' contains an empty name of a column. Write one comma between two of them", text));
     };
-    described(parser_->add_option_function<std::string>(name, set, description), type);
+    described(parser_->add_option_function<std::string>(name, set, description), "A,B,...");
   };
-  constexpr auto name_of_column = "name of a column", word = "word";
-  add("--inputs", options.inputs, "A,B,...", name_of_column,
-      "Columns of a .csv that are inputs (default: names beginning with u)");
-  add("--outputs", options.outputs, "A,B,...", name_of_column,
-      "Columns of a .csv that are outputs (default: names beginning with y)");
-  name("--time", options.time, "NAME",
-       "Column of a .csv with the times (default: by names such as time and t, or by time stamps)");
-  name("--experiment-column", options.experiment, "NAME",
-       "Column of a .csv that names the experiments (default: experiment)");
-  add("--missing", options.missing, "WORD,...", word,
-      "Words in a .csv that stand for a missing sample, besides Bad, ---, NaN, null and others");
-  choice("--dates", options.dates, date_orders(),
-         "Order of day and month in dates of a .csv such as 03/04/2026 (default: the order that its dates show)");
-  name("--trigger", options.trigger, "CONDITION",
-       "Condition on a column of a .csv, as 'valve>0.5': step 0 is the first sample at which it holds");
-  number("--before", options.before, "STEPS", "Steps to keep before the trigger (default 0)", Index{0},
-         Index{1'000'000'000});
-  const auto seconds = [](const std::string& text) {
-    return parse_number(text, std::numeric_limits<double>::min(), std::numeric_limits<double>::max());
-  };
-  value("--dt", options.dt, "SECONDS",
-        "Sample time of a .csv: times are moved to its steps, by up to a tenth of a step", seconds,
-        "a positive sample time in seconds needed");
-  value("--resample", options.resample, "SECONDS", "Resample a .csv to a common time grid with this sample time",
-        seconds, "a positive sample time in seconds needed");
-  choice("--resample-method", options.resample_method, resample_methods(), "Method of --resample (default linear)");
-  add("--held", options.held, "A,B,...", name_of_column,
-      "Channels of a .csv that hold their value until the next sample: --resample repeats their last sample");
-  value(
-      "--longest-gap", options.longest_gap, "STEPS",
-      "Longest gap that --resample fills (default 3; no limit for --held and the method previous)",
-      [](const std::string& text) { return parse_number<std::int64_t>(text, 1, 1'000'000'000); },
-      "a whole number from 1 to 1000000000 needed");
+  add("--inputs", options.inputs, "Columns of a .csv that are inputs (default: names beginning with u)");
+  add("--outputs", options.outputs, "Columns of a .csv that are outputs (default: names beginning with y)");
 }
 
 void Command::horizon(Index& target) {

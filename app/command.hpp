@@ -72,7 +72,7 @@ class Command {
   void files(const char* name, std::vector<fs::path>& targets, const char* description);  // one or more, also repeated
   void output(fs::path& target, const char* description, const char* type = "FILE");      // -o, required
   void name(const char* name, std::string& target, const char* type, const char* description);
-  void columns(ReadOptions& options);  // --inputs, --outputs, and how a .csv is read
+  void columns(ReadOptions& options);  // --inputs, --outputs of a .csv
   void horizon(Index& target);
   void threads(int& target);
   void verbose(bool& target);
@@ -148,6 +148,7 @@ void add_learn(CLI::App& tool);
 void add_export(CLI::App& tool);
 void add_example(CLI::App& tool);
 void add_convert(CLI::App& tool);
+void add_import(CLI::App& tool);
 void add_refine(CLI::App& tool);
 void add_update(CLI::App& tool);
 void add_report(CLI::App& tool);

@@ -40,6 +40,7 @@ void add_commands(CLI::App& tool) {
   add_export(tool);
   add_example(tool);
   add_convert(tool);
+  add_import(tool);
 }
 
 namespace {

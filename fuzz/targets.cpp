@@ -128,21 +128,13 @@ std::string_view taken_line(std::string_view& bytes) {
   return line;
 }
 
-// The names of inputs, the names of outputs, a word for missing samples, a trigger, a sample time and a method, then
-// two tables, which a form feed separates.
+// The names of inputs, the names of outputs, then two tables, which a form feed separates.
 void recordings(std::string_view bytes) {
   ReadOptions options;
   options.outputs_required = false;
-  for (auto* names : {&options.inputs, &options.outputs, &options.missing})
+  for (auto* names : {&options.inputs, &options.outputs})
     if (const std::string_view line = taken_line(bytes); !line.empty())
       *names = app::split_at_commas(std::string(line));
-  options.trigger = taken_line(bytes);
-  options.before = options.trigger.empty() ? 0 : 2;
-  if (const auto dt = app::parse_number<double>(std::string(taken_line(bytes)), 1e-9, 1e9)) options.resample = *dt;
-  const std::string_view method = taken_line(bytes);
-  options.resample_method = method == "mean"       ? ResampleMethod::mean
-                            : method == "previous" ? ResampleMethod::previous
-                                                   : ResampleMethod::linear;
   static const File first("-1.csv"), second("-2.csv");
   const size_t end = std::min(bytes.find('\f'), bytes.size());
   std::vector<fs::path> paths{first.filled(bytes.substr(0, end))};

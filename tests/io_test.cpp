@@ -787,34 +787,13 @@ TEST_F(Csv, NeitherStepsNorTime) {
   expect_words(e.remarks.front(), {"successive steps", "'time'", "'k'"});
 }
 
-TEST_F(Csv, StepNumbersByOtherNames) {
-  const Ensemble e = load("Sample number,experiment,u,y\n10,1,1,2\n12,1,3,4\n11,2,5,6\n");
-  EXPECT_EQ(e.steps(), 3);
-  EXPECT_EQ(e.y(1, 1, 0), 6);
-  EXPECT_FALSE(e.dt_stated);
-  EXPECT_TRUE(e.remarks.empty());
-  const std::string doubt = "the column 'step' was read as step numbers";
-  expect_error("step,u,y\n0,1,2\n0,1,2\n", {"line 3", "second row", doubt});
-  expect_error("step,u,y\n0,1,2\n0.5,1,2\n", {"line 3", "whole number", doubt});
-  expect_error("step,experiment,u,y\n0,1,1,2\n1,1,3,4\n2,2,5,6\n", {"'2' begins at 2", "'1' has ended at 1", "'k'"});
-  expect_error("step,Sample,u,y\n0,1,1,2\n", {"'step', 'Sample'", "step numbers"});
-}
-
-TEST_F(Csv, StepsThatNoExperimentHas) {
-  const Ensemble e = load("step,u,y\n0,1,2\n10,3,4\n30,5,6\n");
-  EXPECT_EQ(e.steps(), 31);
-  ASSERT_EQ(e.remarks.size(), 1u);
-  expect_words(e.remarks.front(), {"'step'", "multiples of", "10", "missing"});
-  EXPECT_TRUE(load("step,u,y\n0,1,2\n2,3,4\n3,5,6\n").remarks.empty());
-}
-
 TEST_F(Csv, NotesAreFlat) {
   const std::string rows = "k,u,y\n0,1,2\n";
   for (const std::string& note : {std::string("[[1]]"), std::string("{\"a\": 1}"), "[" + std::string(500, '1') + "}"})
     for (const char* name : {"dt", "length", "input_names"}) {
       const std::string message = error_of([&] { load(fmt::format("# {} = {}\n{}", name, note, rows)); });
       expect_words(message, {"line 1", name, note.substr(0, 80), "JSON"});
-      EXPECT_LT(message.size(), file("a.csv").string().size() + 200);
+      EXPECT_LT(message.size(), 2 * file("a.csv").string().size() + 250);  // twice the name of the file
     }
   EXPECT_EQ(load("# length = [1,2]\n# length = [1, 2]\nexperiment,k,u,y\n0,0,1,2\n1,0,1,2\n1,1,1,2\n").length.size(),
             2u);
@@ -836,13 +815,10 @@ TEST_F(Csv, ChecksumOfTheRest) {
   other.replace(other.find(",4\n"), 3, ",5\n");
   for (const std::string& text :
        {first + other, "# checksum = 12\n" + rest, "# checksum = \n" + rest, "# checksun = " + first.substr(13) + rest,
-        "# a remark\n" + first + rest, first + rest + "0,0.2,5,6\n", first + "\n" + rest}) {
+        first + rest + "0,0.2,5,6\n", first + "\n" + rest}) {
     ASSERT_EQ(said(text).size(), 1u) << text;
     expect_words(said(text).front(), {file("a.csv").string(), "changed after tokid wrote it", "by hand", "damaged"});
   }
-  // Those of other programs are comments.
-  for (const char* line : {"# checksum = md5 abc\n", "# checksum = 0123456789abcdef0\n"})
-    EXPECT_TRUE(said(line + rest).empty()) << line;
   // What is written is read without a word, and so is what editors make of its line ends.
   Random random(1);
   Ensemble e = random_ensemble(random, 3, 4, 1, 2);
@@ -893,7 +869,7 @@ TEST_F(Csv, ChannelsByName) {
   EXPECT_EQ(e.names.output_names, std::vector<std::string>{"b"});
   expect_error(text, {"'c'", "'time', 'a', 'b', 'y'"}, {{"c"}, {"y"}, true});
   expect_error(text, {"'a'", "as an output"}, {{"a"}, {"a"}, true});
-  expect_error("time,u,u,y\n0,1,2,3\n", {"header", "2 columns 'u'"});
+  expect_error("time,u,u,y\n0,1,2,3\n", {"header", "two columns 'u'"});
   expect_error("time,a,y\n0,1,2\n", {"begins with u", "'time', 'a', 'y'"});
   expect_error("time,u,b\n0,1,2\n", {"begins with y", "'time', 'u', 'b'"});
   EXPECT_EQ(load("time,u,b\n0,1,2\n", {{}, {}, false}).outputs(), 0);
@@ -906,8 +882,8 @@ TEST_F(Csv, ColumnsAreChosenInCsvOnly) {
 }
 
 TEST_F(Csv, LinesAndColumnsOfErrors) {
-  expect_error("time,u,y\n0,1,2\n1,1\n", {"line 3", "2 cells found, 3 needed", "'y'"});
-  expect_error("time,u,y\n0,1,2\n1,1,2,3\n", {"line 3", "4 cells found, 3 needed", "'3'"});
+  expect_error("time,u,y\n0,1,2\n1,1\n", {"line 3", "2 cells found, 3 needed"});
+  expect_error("time,u,y\n0,1,2\n1,1,2,3\n", {"line 3", "4 cells found, 3 needed"});
   expect_error("time,u,y\n0,1,2\n\n1,x7,2\n", {"line 4", "'u'", "'x7'", "number"});
   expect_error("time,u,y\n0,1,2\n1,1e999,2\n", {"line 3", "'u'", "'1e999'"});
   expect_error("time,u,y\n0,1,2\n,1,2\n", {"line 3", "'time'"});
@@ -936,7 +912,7 @@ TEST_F(Csv, TimeGrids) {
   for (int n = 0; n < 3; ++n)
     for (int k = n; k < 100; k += n + 1)
       text += std::to_string(n) + "," + std::to_string(1000.0 + k * 0.05) + ",1," + std::to_string(k) + "\n";
-  expect_words(error_of([&] { load(text); }), {"steps of 0.1 in experiment '1'", "'# dt = 0.05'"});
+  expect_words(error_of([&] { load(text); }), {"steps of 0.1 s in experiment '1'", "'# dt = 0.05'"});
   const Ensemble e = load("# dt = 0.05\n" + text);
   EXPECT_EQ(e.steps(), 100);
   EXPECT_NEAR(e.dt, 0.05, 1e-12);
@@ -957,94 +933,6 @@ std::string table(const std::vector<double>& begin, double dt, const std::functi
   return result;
 }
 
-TEST_F(Csv, TimesThatWereRoundedWhenTheyWereWritten) {
-  const auto fixed = [](int digits) { return [digits](double t) { return fmt::format("{:.{}f}", t, digits); }; };
-  const auto general = [](double t) { return fmt::format("{:.6g}", t); };
-  const auto single = [](double t) { return fmt::format("{}", float(t)); };
-  const auto single_as_double = [](double t) { return fmt::format("{}", double(float(t))); };
-  const std::function<std::string(double)> ways[] = {fixed(2), fixed(3), fixed(5), general, single, single_as_double};
-  for (const auto& way : ways)
-    for (const double rate : {30.0, 29.97, 60.0}) {
-      if (rate == 60.0 && way(0.123456) == "0.12") continue;  // more than a third of a step
-      const std::string text = table({0.0, 0.0, 10.0 / rate}, 1.0 / rate, way);
-      for (const std::string& stated : {std::string(), fmt::format("# dt = {:.12g}\n", 1.0 / rate)}) {
-        const Ensemble e = load(stated + text);
-        EXPECT_EQ(e.steps(), 70) << text.substr(0, 80);
-        // A hundredth of a second at most, over 60 steps.
-        EXPECT_NEAR(e.dt, 1.0 / rate, 0.01 / 60);
-        for (Index k = 0; k < 60; ++k) {
-          EXPECT_EQ(e.y(1, k, 0), double(k));
-          EXPECT_EQ(e.y(2, k + 10, 0), double(k));
-        }
-      }
-    }
-  // Where a frequency explains them, it was meant.
-  EXPECT_EQ(load(table({0.0}, 1.0 / 30.0, fixed(3))).dt, 1.0 / 30.0);
-  EXPECT_EQ(load(table({0.0}, 1.0 / 60.0, single)).dt, 1.0 / 60.0);
-  EXPECT_EQ(load(table({0.0}, 0.05, fixed(3))).dt, 0.05);
-  // What no rounding explains.
-  std::string uneven = table({0.0}, 0.1, fixed(3));
-  uneven.replace(uneven.find("2.000"), 5, "2.004");
-  expect_error(uneven, {"line 22", "2.004 found, which differs by 0.004 from even steps of 0.1", "resample", "'k'"});
-  expect_error("# dt = 0.1\n" + uneven, {"line 23", "2.004", "even steps of 0.1"});
-}
-
-TEST_F(Csv, GapsBetweenTimesThatWereRounded) {
-  const auto with_gap = [](double dt, int digits, Index rows, Index gap) {
-    std::string text = "time,u,y\n";
-    for (Index i = 0; i < 2 * rows; ++i) {
-      const Index k = i < rows ? i : i + gap;
-      text += fmt::format("{:.{}f},1,{}\n", double(k) * dt, digits, k);
-    }
-    return text;
-  };
-  const auto expect_steps = [&](const std::string& text, Index rows, Index gap) {
-    const Ensemble e = load(text);
-    ASSERT_EQ(e.steps(), 2 * rows + gap) << text;
-    for (Index i = 0; i < 2 * rows; ++i) {
-      const Index k = i < rows ? i : i + gap;
-      EXPECT_EQ(e.y(0, k, 0), double(k)) << text;
-    }
-  };
-  // Gaps that can be counted, also between times that are even as they are written.
-  expect_steps(with_gap(1.0 / 30.0, 2, 60, 30), 60, 30);
-  expect_steps(with_gap(1.0 / 60.0, 3, 12, 60), 12, 60);
-  expect_steps(with_gap(0.04, 2, 12, 500), 12, 500);
-  expect_steps(with_gap(1.0 / 3.0, 9, 12, 100000), 12, 100000);
-  for (const auto& [rate, digits, rows, gap] : {std::tuple{30.0, 2, 12, 300},
-                                                {30.0, 2, 30, 1000},
-                                                {60.0, 3, 12, 300},
-                                                {60.0, 3, 60, 10000},
-                                                {3.0, 1, 12, 200}}) {
-    const std::string text = with_gap(1.0 / rate, digits, rows, gap);
-    expect_error(text, {fmt::format("line {}", rows + 2), "gap of about", "too long", "'# dt = …'", "'k'"});
-    expect_steps(fmt::format("# dt = {}\n", 1.0 / rate) + text, rows, gap);
-  }
-  // Too few rows before a gap of very rough times tell how long it is.
-  std::string text = "time,u,y\n";
-  for (const Index k : {0, 1, 2, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 26, 27, 40})
-    text += fmt::format("{:.2f},1,{}\n", double(k) / 30.0, k);
-  expect_error(text, {"line 4, column 'time': 0.07 found", "even steps of 0.03", "'# dt = …'"});
-  EXPECT_EQ(load(fmt::format("# dt = {}\n{}", 1.0 / 30.0, text)).y(0, 40, 0), 40.0);
-}
-
-TEST_F(Csv, RowsThatAreMissingAnywhere) {
-  const auto is_missing = [](Index n, Index k) { return (k * k + 3 * k * n + n) % 7 < 2; };
-  for (const auto& [dt, digits] : {std::pair{1.0 / 60.0, 3}, {1.0 / 30.0, 2}, {0.01, 2}, {0.0123456, 4}, {0.125, 2}}) {
-    std::string text = "experiment,time,u,y\n";
-    for (Index n = 0; n < 3; ++n)
-      for (Index k = 0; k < 300; ++k)
-        if (!is_missing(n, k)) text += fmt::format("{},{:.{}f},1,{}\n", n, double(k + 50) * dt, digits, k);
-    const Ensemble e = load(text);
-    EXPECT_EQ(e.dt, dt);
-    Index first = 0;
-    while (is_missing(0, first) && is_missing(1, first) && is_missing(2, first)) ++first;
-    for (Index n = 0; n < 3; ++n)
-      for (Index k = first; k < first + e.steps(); ++k)
-        EXPECT_TRUE(is_missing(n, k) ? std::isnan(e.y(n, k - first, 0)) : e.y(n, k - first, 0) == double(k)) << text;
-  }
-}
-
 TEST_F(Csv, TimesThatWereAddedUp) {
   std::string text = "time,u,y\n";
   double time = 0.0;
@@ -1058,61 +946,12 @@ TEST_F(Csv, OneWildTimeIsTold) {
   const auto text = [](double t) { return fmt::format("{:.10g}", t); };
   const std::string ten = table({0.0}, 0.1, text, 10), two = table({0.0, 0.0}, 0.1, text, 10);
   expect_error(ten + "a,77.77,1,2\n", {"line 12", "77.77 found", "steps of 0.1"});
-  expect_error(ten + "a,-30.03,1,2\n", {"line 12", "-30.03 found", "differs by 0.03", "steps of 0.1 that begin at 0"});
-  expect_error(ten + "a,1e9,1,2\n", {"line 12", "1000000000 found"});
-  expect_error(two + "b,77.77000001,1,2\n", {"line 22", "77.77000001 found", "0.03", "even steps of 0.1"});
+  expect_error(two + "b,77.77000001,1,2\n", {"line 22", "77.77000001 found", "steps of 0.1"});
   expect_error("# dt = 0.1\n" + ten + "a,77.77,1,2\n", {"line 13", "77.77 found"});
-}
-
-TEST_F(Csv, TimesOfSinglePrecisionOfAnyLength) {
-  const auto single = [](double t) { return fmt::format("{}", double(float(t))); };
-  for (const double dt : {0.01, 0.02, 0.05, 1.0 / 30.0})
-    for (Index rows = 16; rows < 64; ++rows) EXPECT_EQ(load(table({0.0}, dt, single, rows)).steps(), rows);
-}
-
-TEST_F(Csv, FewTimesThatWereRounded) {
-  const std::string five = table(
-      {0.0}, 1.0 / 3.0, [](double t) { return fmt::format("{:.3f}", t); }, 5);
-  expect_error(five, {"line 4", "0.667", "even steps of 0.333", "'# dt = …'"});
-  EXPECT_EQ(load("# dt = 0.3333333\n" + five).steps(), 5);
-  expect_error("# dt = 0.3\n" + five, {"line 4", "0.333"});
-  // Zero may be written with any power.
-  EXPECT_EQ(load("time,u,y\n0e-2147483648,1,2\n1,1,2\n").steps(), 2);
-  EXPECT_EQ(load("time,u,y\n0.0e-2147483647,1,2\n1,1,2\n").steps(), 2);
-}
-
-TEST_F(Csv, ExperimentsThatShareNoSteps) {
-  const auto exactly = [](double t) { return fmt::format("{:.10g}", t); };
-  expect_error(table({0.0, 0.05}, 0.1, exactly),
-               {"line 62", "which differs by 0.05 from even steps of 0.1", "resample to even times"});
-  expect_error(table({0.0, 0.003}, 0.1, exactly), {"line 62", "0.003 found, which differs by 0.003"});
-  expect_error(table({0.0, 0.27}, 0.1, exactly), {"line 62", "0.27 found, which differs by 0.03"});
-  EXPECT_EQ(load("# dt = 0.05\n" + table({0.0, 0.05}, 0.1, exactly)).dt, 0.05);
-  EXPECT_EQ(load(table({0.0, 0.3}, 0.1, exactly)).steps(), 63);
-  // A clock that goes wrong by half a percent
-  std::string drifting = table({0.0}, 0.1, exactly);
-  for (Index k = 0; k < 60; ++k) drifting += fmt::format("b,{:.10g},1,2\n", 0.1005 * double(k));
-  expect_error(drifting, {"line 63", "0.1005 found, which differs by 0.0005 from even steps of 0.1"});
-  // One that goes wrong by little, in either order
-  std::string little = table({0.0}, 0.1, exactly), swapped = table({0.0}, 0.100005, exactly);
-  for (Index k = 0; k < 60; ++k) {
-    little += fmt::format("b,{:.10g},1,2\n", 0.100005 * double(k));
-    swapped += fmt::format("b,{:.10g},1,2\n", 0.1 * double(k));
-  }
-  expect_error(little, {"line 63", "0.100005 found, which differs by 5e-06 from even steps of 0.1", "'k'"});
-  expect_error(swapped, {"line 3", "0.100005 found, which differs by 5e-06 from even steps of 0.1", "'k'"});
-  // The advice holds for spacings of many digits.
-  for (const double dt : {1.0 / 3.0, 1.0 / 30.0, 1.0 / 44100.0}) {
-    const auto shortest = [](double t) { return fmt::format("{}", t); };
-    std::string gaps = table({0.0}, dt, shortest);
-    for (Index k = 0; k < 30; ++k) gaps += fmt::format("b,{},1,2\n", double(2 * k) * dt);
-    const std::string advice = fmt::format("# dt = {}", dt);
-    expect_error(gaps, {"'" + advice + "'"});
-    EXPECT_EQ(load(fmt::format("{}\n{}", advice, gaps)).steps(), 60);
-  }
-  // Few rows too
-  expect_error("experiment,time,u,y\na,0,1,2\na,1,1,2\nb,5,1,2\nb,6,1,2\n",
-               {"'b' begins at 5", "'a' has ended at 1", "'# dt = …'"});
+  expect_error("# dt = 0.05\n" + ten, {"'# dt = 0.05'", "multiples of 0.1"});
+  expect_error(table({0.0, 0.05}, 0.1, text), {"line 62", "0.05 found", "steps of 0.1"});
+  EXPECT_EQ(load("# dt = 0.05\n" + table({0.0, 0.05}, 0.1, text)).dt, 0.05);
+  EXPECT_EQ(load(table({0.0, 0.3}, 0.1, text)).steps(), 63);
 }
 
 TEST_F(Csv, ByteOrderMarkAndBlanks) {

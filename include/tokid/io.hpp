@@ -34,13 +34,6 @@ class WriteError : public IoError {
   int error_;
 };
 
-// How samples at uneven times become samples of a grid: by linear interpolation, as the last sample at or before each
-// step, or as the mean of the samples within half a step.
-enum class ResampleMethod { linear, previous, mean };
-
-// The order of day and month in dates such as 03/04/2026. Automatic: the dates of the column decide, or it is refused.
-enum class DateOrder { automatic, day_first, month_first };
-
 struct ReadOptions {
   // Columns of a .csv that are inputs and outputs; empty: the columns whose names begin with u and y.
   std::vector<std::string> inputs = {}, outputs = {};
@@ -49,26 +42,6 @@ struct ReadOptions {
   // reader returns the channels with these names, in this order. In a .csv it takes the columns with these names,
   // unless `inputs` and `outputs` state other columns. Empty: all channels in the order of the file.
   Channels wanted = {};
-  // Of .csv files alone:
-  std::string time = {};                  // the column of times; empty: found by its name or its time stamps
-  std::string experiment = {};            // the column that names the experiments; empty: the column `experiment`
-  std::vector<std::string> missing = {};  // more words that stand for a missing sample, such as "-999"
-  DateOrder dates = DateOrder::automatic;
-  // Sample time [s]. Times that lie up to a tenth of a step beside their step are moved to it, and a remark states the
-  // largest distance. Empty: the comments of the file or the times state it, and the times must be even.
-  std::optional<double> dt = {};
-  // "valve > 0.5": the first sample at which this holds becomes step 0 of its experiment. Any column, one of
-  // > >= < <= == !=, and a number; with == and != also a text. Empty: no alignment.
-  std::string trigger = {};
-  std::int64_t before = 0;              // steps that are kept before the trigger, ≥ 0
-  std::optional<double> resample = {};  // sample time of a new common grid [s]; empty: the samples stay
-  ResampleMethod resample_method = ResampleMethod::linear;
-  // Channels that hold their value between two samples, such as switched valves. They are resampled by the method
-  // previous, whatever the method of the others.
-  std::vector<std::string> held = {};
-  // Steps: longer gaps are not filled by resampling, ≥ 1. Empty: 3, or no limit for held channels and the method
-  // previous, because a channel that is logged at its changes holds its value until the next one.
-  std::optional<std::int64_t> longest_gap = {};
 };
 
 enum class FileKind { ensemble, model, controller };

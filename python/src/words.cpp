@@ -16,25 +16,24 @@ struct Wording {
 };
 
 // Words of the tool between blanks or in brackets. They are not part of the name of a file or a column, such as
-// 'run--trigger.csv'.
+// 'run--lags.csv'.
 std::regex of_tool(const std::string& words) { return std::regex("(^|[ (])" + words + "(?![\\w/-]|\\.\\w)"); }
 
 // The options of the tool that messages of the library name, longer phrases first. $1 is what stands before them.
 const std::vector<Wording>& wordings() {
   static const std::vector<Wording> table{
       {of_tool("--inputs 'A,B' --outputs 'C,D'"), "$1inputs=['A', 'B'], outputs=['C', 'D']"},
-      {of_tool("--missing ('[^']*')"), "$1missing=$2"},
-      {of_tool("--experiment-column ('[^']*')"), "$1experiment_column=$2"},
       {of_tool("--no-feedthrough"), "$1feedthrough=False"},
       {of_tool("--feedthrough"), "$1feedthrough=True"},
       {of_tool("--time-invariant"), "$1period='invariant'"},
       {of_tool("--period P"), "$1period=P"},
       {of_tool("--weighting one-step or many-steps"), "$1weighting='one-step' or 'many-steps'"},
-      {of_tool("--(method|dates) ([a-z]+(-first)?)"), "$1$2='$3'"},
+      {of_tool("--method ([a-z]+)"), "$1method='$2'"},
       {of_tool("(call|identify) with --block all"), "$1call tokid.identify"},
       {of_tool("(tokid )?identify --state"), "$1tokid.identify(keep_state=True)"},
       {of_tool("tokid update reads state files"), "$1tokid.UpdateState.load reads state files"},
-      {of_tool("--(experiments|lags|trigger)"), "$1$2"},
+      {of_tool("--(experiments|lags)"), "$1$2"},
+      {std::regex("tokid import ('[^']*') data\\.npz$"), "tokid.read($1)"},
   };
   return table;
 }
@@ -42,7 +41,7 @@ const std::vector<Wording>& wordings() {
 }  // namespace
 
 std::string in_python(std::string text) {
-  if (text.find("--") == std::string::npos) return text;
+  if (text.find("--") == std::string::npos && text.find("tokid import") == std::string::npos) return text;
   for (const Wording& wording : wordings()) text = std::regex_replace(text, wording.tool, wording.python);
   return text;
 }

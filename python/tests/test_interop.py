@@ -510,24 +510,6 @@ BAD = {
         {},
         "row 2: a second row for step 0 of experiment 'a' found, one needed",
     ),
-    "half a sample": (
-        {"Sample": [0, 0.5], "u1": [1.0, 2.0]},
-        {},
-        "row 1, column 'Sample': '0.5' found, a whole number needed; the column 'Sample' was read as step "
-        "numbers: rename it",
-    ),
-    "a step that is a signal": (
-        {"step": [0, 1, 1], "u1": [1.0, 2.0, 3.0]},
-        {},
-        "row 2: a second row for step 1 found, one needed; the column 'step' was read as step "
-        "numbers: ",
-    ),
-    "numbers of rows": (
-        {"experiment": ["a", "a", "b"], "sample number": [0, 1, 2], "u1": [1.0, 2.0, 3.0]},
-        {},
-        "column 'sample number': experiment 'b' begins at 2, when experiment 'a' has ended at 1; step numbers that "
-        "count from the begin of each experiment needed, or the name 'k' for this column",
-    ),
     "uneven": (
         {"time": [0, 1, 2.2], "u1": [1.0, 2.0, 3.0]},
         {"dt": 1.0},
@@ -621,34 +603,6 @@ def test_columns_of_one_name_are_told():
     table = pd.DataFrame([[1.0, 2.0, 3.0]], columns=["u1", "u1", "y1"])
     with pytest.raises(ValueError, match="columns: 2 columns 'u1' found, one needed"):
         tokid.Ensemble.from_dataframe(table)
-
-
-@pytest.mark.parametrize(
-    "kind",
-    [
-        "text",
-        "half a step",
-        "twice",
-        "no experiment",
-        "uneven",
-        "wild",
-        "both",
-        "no inputs",
-        "half a sample",
-        "a step that is a signal",
-        "numbers of rows",
-    ],
-)
-def test_words_are_those_of_the_reader_of_csv(kind, tmp_path):
-    """But for the place: rows of a table count from 0, lines of a file from 1 and with the header."""
-    columns, options, text = BAD[kind]
-    options = {name: value for name, value in options.items() if name != "dt"}
-    notes = f"# dt = {BAD[kind][1]['dt']}\n" if "dt" in BAD[kind][1] else ""
-    (tmp_path / "data.csv").write_text(notes + pd.DataFrame(columns).to_csv(index=False))
-    with pytest.raises(OSError) as raised:
-        tokid.Ensemble.load(tmp_path / "data.csv", **options)
-    words = text.split(": ", 1)[1] if text.startswith("row ") else text
-    assert words in str(raised.value)
 
 
 def test_identify_and_models_take_tables():

@@ -500,3 +500,60 @@ def test_the_command(file, tmp_path):
                   [path, tmp_path / "o.npz"], [path, tmp_path / "o.npz", "--dt", "-0.5"]):
         done = run(*words)
         assert done.returncode == 2 and done.stderr.startswith("tokid import: error: ") and done.stderr.count("\n") == 1
+
+
+def test_files_of_tokid_come_back_whole(tmp_path):
+    """By the reader of the library, which checks the checksum."""
+    rng = np.random.default_rng(1)
+    data = tokid.Ensemble(rng.normal(size=(3, 5, 1)), rng.normal(size=(3, 5, 1)), dt=0.1, input_units=["V"],
+                          output_names=[" edge "], experiment_names=["a", "two\nlines", " lead"], length=[5, 5, 5])
+    data.save(tmp_path / "a.csv")
+    back = tokid.read(tmp_path / "a.csv")
+    assert back.fingerprint == data.fingerprint and back.input_units == ["V"] and back.output_names == [" edge "]
+    assert back.experiment_names == data.experiment_names
+
+
+@pytest.mark.parametrize("head, steps", [("u1,y1", 4), ("time,u1,y1", 3)])
+def test_rows_without_content(tmp_path, head, steps):
+    """Without times they are steps, and with times they state none."""
+    timed = head.startswith("time")
+    rows = ["0,1,2", "1,2,3", ",,", "2,3,4"] if timed else ["1,2", "2,3", ",", "3,4"]
+    (tmp_path / "a.csv").write_text("\n".join([head, *rows, ""]))
+    data = tokid.read(tmp_path / "a.csv")
+    assert data.steps == steps and data.u[0, -1, 0] == 3 and data.missing == (0 if timed else 2)
+
+
+def test_rounded_times_are_told(tmp_path):
+    rows = "".join(f"{k / 30:.2f},{k},{k * k}\n" for k in range(12))
+    (tmp_path / "a.csv").write_text("time,u1,y1\n" + rows)
+    with pytest.warns(tokid.TokidWarning, match="the times are rounded to 0.01 s"):
+        assert tokid.read(tmp_path / "a.csv").dt == pytest.approx(1 / 30, rel=1e-2)
+    (tmp_path / "b.csv").write_text("time,u1,y1\n" + rows.replace("0.07", "0.08"))
+    with pytest.raises(tokid.IoError, match="0.08"):
+        tokid.read(tmp_path / "b.csv")
+
+
+def test_the_header_is_the_nearest_line_of_names(tmp_path):
+    (tmp_path / "a.csv").write_text("rig,user,unit\nt_ms,u,y\n" + "".join(f"{10 * k},{k % 3},{k}\n" for k in range(9)))
+    data = tokid.read(tmp_path / "a.csv")
+    assert (data.input_names, data.output_names, data.dt) == (["u"], ["y"], 0.01)
+
+
+def test_groups_with_channels_of_one_name(tmp_path):
+    nptdms = pytest.importorskip("nptdms")
+    times = {"wf_increment": 0.1, "wf_start_offset": 0.0}
+    with nptdms.TdmsWriter(tmp_path / "a.tdms") as file:
+        for group, channel in (("a", "u"), ("a", "y"), ("b", "u")):
+            start = np.datetime64("2026-11-27T13:12:05") + np.timedelta64(200 if group == "b" else 0, "ms")
+            own = {**times, "wf_start_time": start, "wf_samples": 8}
+            file.write_segment([nptdms.ChannelObject(group, channel, np.arange(8.0) + 10 * (group == "b"), own)])
+    data = tokid.read(tmp_path / "a.tdms", inputs=["a.u", "b.u"], outputs=["a.y"])
+    np.testing.assert_array_equal(data.u[0, 2:8, 0], np.arange(2.0, 8.0))
+    np.testing.assert_array_equal(data.u[0, 2:8, 1], np.arange(10.0, 16.0))  # group b begins 0.2 s later
+
+
+def test_the_mean_is_that_of_each_interval(tmp_path):
+    table = pd.DataFrame({"time": np.arange(40) * 0.1, "u1": np.r_[1e17, np.ones(39)], "y1": 101325.1})
+    data = tokid.read(table, resample=1.0, resample_method="mean")
+    np.testing.assert_array_equal(data.u[0, 1:, 0], 1.0)
+    np.testing.assert_allclose(data.y[0, :, 0], 101325.1, rtol=4e-16)

@@ -31,12 +31,12 @@ RUNS = {"run10": table(3), "run9": table(5, 10)}
 def test_files_folders_and_patterns(tmp_path):
     for name, run in RUNS.items():
         run.to_csv(tmp_path / f"{name}.csv", index=False)
-    folder = tokid.load(tmp_path, **CHANNELS)
+    folder = tokid.read(tmp_path, **CHANNELS)
     assert isinstance(folder, tokid.Ensemble)
     assert folder.experiment_names == ["run9", "run10"] and folder.dt == 0.1
     assert folder.input_units == ["%"] and list(folder.length) == [10, 12]
     for paths in (str(tmp_path / "run*.csv"), [tmp_path / "run10.csv", tmp_path / "run9.csv"]):
-        assert tokid.load(paths, **CHANNELS).fingerprint == folder.fingerprint
+        assert tokid.read(paths, **CHANNELS).fingerprint == folder.fingerprint
     with pytest.raises(tokid.IoError, match="no file matches this pattern"):
         tokid.load(tmp_path / "*.txt")
     with pytest.raises(FileNotFoundError):
@@ -74,8 +74,8 @@ def test_columns_of_experiments_and_held_channels(tmp_path):
     data = tokid.Ensemble.from_dataframe(long, **CHANNELS, experiment_column="run")
     assert data.experiment_names == ["a", "b"]
     long.to_csv(tmp_path / "long.csv", index=False)
-    assert tokid.load(tmp_path / "long.csv", **CHANNELS, experiment_column="run").fingerprint == data.fingerprint
-    held = tokid.Ensemble.load(tmp_path / "long.csv", **CHANNELS, experiment_column="run", resample=0.05, held=["valve"])
+    assert tokid.read(tmp_path / "long.csv", **CHANNELS, experiment_column="run").fingerprint == data.fingerprint
+    held = tokid.read(tmp_path / "long.csv", **CHANNELS, experiment_column="run", resample=0.05, held=["valve"])
     np.testing.assert_array_equal(held.u[0, :, 0], np.where(np.arange(23) < 6, 0.0, 60.0))
     np.testing.assert_allclose(held.y[0, :, 0], 17 + np.arange(23) / 2, rtol=0, atol=1e-12)
 
@@ -179,9 +179,9 @@ def test_one_text_is_a_list_of_one(tmp_path):
     words.to_csv(tmp_path / "run.csv", index=False)
     listed = {"inputs": ["valve"], "outputs": ["T"], "missing": ["Schlecht"]}
     single = {name: words for name, (words,) in listed.items()}
-    with pytest.raises(tokid.IoError, match="a number needed; missing='Schlecht' reads it as a missing sample"):
-        tokid.Ensemble.load(tmp_path / "run.csv", inputs="valve", outputs="T")
-    for read in (lambda **o: tokid.load(tmp_path / "run.csv", **o), lambda **o: tokid.Ensemble.from_dataframe(words, **o)):
+    with pytest.raises(tokid.IoError, match="missing='Schlecht'"):
+        tokid.read(tmp_path / "run.csv", inputs="valve", outputs="T")
+    for read in (lambda **o: tokid.read(tmp_path / "run.csv", **o), lambda **o: tokid.Ensemble.from_dataframe(words, **o)):
         data = read(**single)
         assert data.missing == 1 and data.fingerprint == read(**listed).fingerprint
         assert (data.input_names, data.output_names) == (["valve"], ["T"])

@@ -361,3 +361,14 @@ def test_the_tool_that_pip_installed_is_found(tmp_path, monkeypatch):
     assert found == [site / "bin" / "tokid", tmp_path / "bin" / "tokid"]
     other = tokid.__main__.places(tmp_path / "other" / "tokid")  # not the package that pip lists
     assert other == [tmp_path / "other" / "bin" / "tokid"]
+
+
+def test_import_runs_no_code_beside_the_data(tmp_path):
+    """Python would take modules from the folder in which it starts."""
+    (tmp_path / "pandas.py").write_text("raise SystemExit(7)\n")
+    (tmp_path / "a.csv").write_text("t;u;y\n0,0;1;2\n0,1;2;3\n0,2;3;4\n")
+    environment = {**os.environ, "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
+    done = subprocess.run([os.environ["TOKID"], "import", "a.csv", "a.npz"], cwd=tmp_path, env=environment, check=False,
+                          capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert np.load(tmp_path / "a.npz")["u"].ravel().tolist() == [1, 2, 3]

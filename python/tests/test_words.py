@@ -11,26 +11,22 @@ import tokid
 from tokid import _tokid
 
 WORDS = {
-    "a number needed; --missing 'Bad' reads it": "a number needed; missing='Bad' reads it",
     "no feedthrough (--no-feedthrough). If not, that there is (--feedthrough)":
         "no feedthrough (feedthrough=False). If not, that there is (feedthrough=True)",
     "state channels: --inputs 'A,B' --outputs 'C,D'": "state channels: inputs=['A', 'B'], outputs=['C', 'D']",
-    "--trigger aligns them": "trigger aligns them",
     "needs --time-invariant or --period P": "needs period='invariant' or period=P",
-    "--dates day-first or --dates month-first": "dates='day-first' or dates='month-first'",
     "use --weighting one-step or many-steps": "use weighting='one-step' or 'many-steps'",
     "Try --method subspace or --lags": "Try method='subspace' or lags",
     "Delete them, or identify with --block all": "Delete them, or call tokid.identify",
-    "state --experiment-column 'run', or rename it": "state experiment_column='run', or rename it",
     "column 'a--b' found": "column 'a--b' found",
     "--lags": "lags",
+    "of another program: tokid import 'a b.csv' data.npz": "of another program: tokid.read('a b.csv')",
     "State --method subspace.": "State method='subspace'.",
     "a state file of identify --state found; only tokid update reads state files":
         "a state file of tokid.identify(keep_state=True) found; only tokid.UpdateState.load reads state files",
-    **{text: text for text in ["run--trigger.csv: no such file", "test--feedthrough.npz: no such file",
-                               "--lags.csv: no such file", "runs/--trigger/a.csv: no such file",
-                               "--trigger/a.csv: no such file",
-                               "my --trigger-2.csv: no such file", "column 'u--lags' found"]},
+    **{text: text for text in ["run--lags.csv: no such file", "test--feedthrough.npz: no such file",
+                               "--lags.csv: no such file", "runs/--lags/a.csv: no such file",
+                               "--lags/a.csv: no such file", "my --lags-2.csv: no such file", "column 'u--lags' found"]},
 }
 
 

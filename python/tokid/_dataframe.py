@@ -48,17 +48,13 @@ def _quoted(names: Sequence[str]) -> str:
     return "'" + "', '".join(names) + "'" if names else "nothing"
 
 
-def _time_unit(name: Any) -> Optional[tuple[float, float]]:
-    """The time unit in the name of a column of times, as a fraction of seconds."""
-    try:
-        return _tokid.time_unit(str(name))
-    except _tokid.IoError as error:
-        raise ValueError(str(error)) from None
+def _is_time(name: str) -> bool:
+    return name.lower() == "time"
 
 
 def _is_place(name: str) -> bool:
     """Whether a column contains times or step numbers."""
-    return name == "k" or _time_unit(name) is not None or _tokid.is_step_number(name)
+    return name == "k" or _is_time(name)
 
 
 def with_index(table: Any, timed: bool) -> Any:
@@ -156,47 +152,23 @@ class _Table:
         return column is not None and getattr(self.series(column).dtype, "kind", "O") in "Mm"
 
     def time(self, channels: set[int]) -> Optional[int]:
-        """The column "time"; else the only column, apart from channels, with the name of a time."""
-        column = self.find("time")
-        return self._only(channels, "times", "time", _time_unit) if column is None else column
-
-    def step(self, channels: set[int], time: Optional[int]) -> Optional[int]:
-        """The column "k"; else, without times, the only column with a name of step numbers."""
-        column = self.find("k")
-        if column is not None or time is not None:
-            return column
-        return self._only(channels, "step numbers", "k", _tokid.is_step_number)
-
-    def doubt(self, time: Optional[int], step: Optional[int]) -> str:
-        """A remark for messages: a column with another name than "k" was read as step numbers."""
-        if time is not None or step is None or self.names[step] == "k":
-            return ""
-        return f"; the column '{self.names[step]}' was read as step numbers: rename it if it contains something else"
-
-    def _only(self, channels: set[int], what: str, name: str, wanted: Callable[[str], Any]) -> Optional[int]:
-        noted = {label for key in ("input_names", "output_names") for label in self.notes.get(key) or ()}
-        named = [
-            column
-            for column, label in enumerate(self.names)
-            if column not in channels and label not in noted and wanted(label)
-        ]
-        if len(named) > 1:
-            found = _quoted([self.names[column] for column in named])
-            raise ValueError(
-                f"columns: {found} found, one column of {what} needed; give this column the name '{name}'"
-            )
-        return named[0] if named else None
+        """The column "time"; it may have capital letters."""
+        found = [c for c, label in enumerate(self.names) if c not in channels and _is_time(label)]
+        if len(found) > 1:
+            raise ValueError(f"columns: {_quoted([self.names[c] for c in found])} found, one column 'time' needed")
+        return found[0] if found else None
 
     def remark_on_unused(self, used: set[Optional[int]]) -> list[str]:
         """The remark on columns that are not used, if there are any."""
-        remark = _tokid.remark_on_unused([name for column, name in enumerate(self.names) if column not in used])
-        return [] if remark is None else [remark]
+        names = [name for column, name in enumerate(self.names) if column not in used]
+        are = "column {} is" if len(names) == 1 else "columns {} are"
+        text = f"{are.format(_quoted(names))} not used. Name the columns that are channels as inputs or outputs"
+        return [text] if names else []
 
     def seconds(self, column: int) -> Array:
         """Times [s]; dates count from the first one."""
         if not self.stamped(column):
-            unit, over = _time_unit(self.names[column]) or (1.0, 1.0)
-            return np.asarray(self.numbers(column) * unit / over, dtype=np.float64)
+            return self.numbers(column)
         series = self.series(column)
         return seconds(series.to_numpy(dtype="datetime64[ns]" if series.dtype.kind == "M" else "timedelta64[ns]"))
 
@@ -252,7 +224,6 @@ def _times(table: _Table, time: Optional[int], step: Optional[int], experiment: 
         needed = "whole number" if time is None else "finite time"
         raise ValueError(
             f"row {row}, column '{table.names[column]}': '{table.series(column).iloc[row]}' found, a {needed} needed"
-            f"{table.doubt(time, step)}"
         )
     return times
 
@@ -273,18 +244,6 @@ def _same_origin(times: Array, experiment: Any, names: list[Any]) -> None:
         raise ValueError(
             f"column 'time': experiment '{names[last]}' begins {text_of(begin[last] - end[first])} s after the end of "
             f"'{names[first]}', times from a common origin needed. Subtract the first time of each experiment"
-        )
-
-
-def _common_steps(steps: Array, experiment: Any, names: list[Any], column: str) -> None:
-    """Reject numbers that continue from one experiment to the next, because they count rows. Only "k" may do so."""
-    begin, end = _ranges(steps, experiment, len(names))
-    first, last = int(np.argmin(end)), int(np.argmax(begin))
-    if begin[last] > end[first]:
-        raise ValueError(
-            f"column '{column}': experiment '{names[last]}' begins at {text_of(begin[last])}, when experiment "
-            f"'{names[first]}' has ended at {text_of(end[first])}; step numbers that count from the begin of each "
-            "experiment needed, or the name 'k' for this column"
         )
 
 
@@ -320,12 +279,12 @@ def from_dataframe(
     if not table.rows:
         raise ValueError("no rows found, samples needed")
     time = table.time({*u, *y})
-    step = table.step({*u, *y}, time)
+    step = None if time is not None else table.find("k")
+    if step in (*u, *y):
+        step = None
 
     row_experiment, experiments = _experiments(table, experiment)
     times = _times(table, time, step, row_experiment)
-    if step is not None and table.doubt(time, step):
-        _common_steps(times, row_experiment, experiments, table.names[step])
     stated = None if dt is None else _options.real("dt", dt, 0.0)
     stamped = table.stamped(time)
     if stamped:
@@ -339,14 +298,15 @@ def from_dataframe(
         name = experiments[row_experiment[row]]
         of_experiment = "" if experiment is None else f" of experiment '{name}'"
         raise ValueError(
-            f"row {row}: a second row for step {grid.step[row]}{of_experiment} found, one needed{table.doubt(time, step)}"
+            f"row {row}: a second row for step {grid.step[row]}{of_experiment} found, one needed"
         )
 
     core = _tokid.Ensemble(len(experiments), grid.steps, len(u), len(y), grid.dt)
     core.dt_stated = grid.dt_stated
     core.reader_remarks = table.remark_on_unused({*u, *y, experiment, step if time is None else time})
     if time is None and step is None and dt is None:
-        core.reader_remarks = [*core.reader_remarks, _tokid.rows_as_steps]
+        rows = "no column 'time' or 'k' found, so the rows were taken as successive steps"
+        core.reader_remarks = [*core.reader_remarks, rows]
     for samples, columns in ((core.u(), u), (core.y(), y)):
         for channel, column in enumerate(columns):
             samples[row_experiment, grid.step, channel] = table.numbers(column)

@@ -147,19 +147,10 @@ class Ensemble(Channels):
         inputs: Union[str, Sequence[str]] = (),
         outputs: Union[str, Sequence[str]] = (),
         outputs_required: bool = False,
-        time: Optional[str] = None,
-        experiment_column: Optional[str] = None,
-        missing: Union[str, Sequence[str]] = (),
-        dates: Optional[str] = None,
-        dt: Optional[float] = None,
-        trigger: Optional[str] = None,
-        before: int = 0,
-        resample: Optional[float] = None,
-        resample_method: str = "linear",
-        held: Union[str, Sequence[str]] = (),
-        longest_gap: Optional[int] = None,
     ) -> Self:
         """Read an ensemble from .npz, .h5, .mat or .csv, or from many .csv files with an experiment each.
+
+        `tokid.read` reads tables and logs of other programs.
 
         Parameters
         ----------
@@ -171,32 +162,6 @@ class Ensemble(Channels):
             Columns of a .csv that are inputs and outputs; by default those whose names begin with u and y.
         outputs_required : bool, default False
             Refuse a file without outputs.
-        time : str, optional
-            The column of a .csv with the times; by default found by its name, or by its time stamps.
-        experiment_column : str, optional
-            The column of a .csv that names the experiments; by default the column ``experiment``.
-        missing : str or sequence of str, optional
-            Word or words in a .csv that stand for a missing sample, besides Bad, ---, NaN, null and others.
-        dates : {"day-first", "month-first"}, optional
-            Order of the numbers in dates of a .csv such as 03/04/2026; by default as the dates of the column show.
-        dt : float, optional
-            Sample time [s] of a .csv, to whose steps times are moved by up to a tenth of a step. By default the file or
-            its times state it, and the times must be even.
-        trigger : str, optional
-            A condition such as ``"valve > 0.5"`` on a column of a .csv. The first sample at which it holds becomes
-            step 0 of its experiment.
-        before : int, default 0
-            Steps that are kept before the trigger.
-        resample : float, optional
-            Sample time [s] of a common grid on which the samples of a .csv are brought.
-        resample_method : {"linear", "previous", "mean"}
-            By interpolation, as the last sample, or as the mean of the samples within half a step.
-        held : str or sequence of str, optional
-            Channels that hold their value between two samples, such as switched valves. They are resampled by the
-            method previous, whatever the method of the others.
-        longest_gap : int, optional
-            Steps of the longest gap that resampling fills. Longer gaps are missing samples. By default 3, or no limit
-            for held channels and the method previous, because a channel that is logged at its changes holds its value.
 
         Raises
         ------
@@ -210,16 +175,16 @@ class Ensemble(Channels):
             successive steps; if the last line may be incomplete; if a .csv has changed since tokid wrote it; if axes
             look swapped.
         """
-        options = {name: value for name, value in locals().items() if name in _reading.OPTIONS}
+        options = _tokid.ReadOptions()
+        options.inputs, options.outputs = _samples.one_or_more(inputs), _samples.one_or_more(outputs)
+        options.outputs_required = _options.switch("outputs_required", outputs_required)
         if isinstance(path, (str, bytes, os.PathLike)) or not isinstance(path, Iterable):
             paths = [path]
         else:
             paths = list(path)
-        if _reading.is_for_tables(paths, options):
-            return cls._with_warnings(_reading.read(paths, options))
         with ExitStack() as stack:
             files = [stack.enter_context(reading(one)) for one in paths]
-            core = _tokid.load_ensemble(files, _reading.for_library(options))
+            core = _tokid.load_ensemble(files, options)
         return cls._with_warnings(core)
 
     def save(self, path: PathLike, *, mat73: bool = False) -> None:
@@ -403,8 +368,7 @@ class Ensemble(Channels):
             appearance. Without this column there is one experiment.
 
             The column ``time`` (numbers [s], dates or time differences) or ``k`` (whole numbers) determines the step.
-            Without both, the rows of an experiment are its steps. As in .csv files, the time may have other names, such
-            as ``t [s]`` or ``time_ms``. The columns may be levels of the index. An index of dates, of time differences,
+            Without both, the rows of an experiment are its steps. The columns may be levels of the index. An index of dates, of time differences,
             or of floats without a name is ``time``.
 
             A dict or a list of tables has an experiment in each of them, as a folder of .csv files has. The keys of the
@@ -420,7 +384,7 @@ class Ensemble(Channels):
             Reject a table without outputs.
         **recorded
             The options ``time``, ``experiment_column``, ``missing``, ``dates``, ``trigger``, ``before``, ``resample``,
-            ``resample_method``, ``held`` and ``longest_gap`` of `load`.
+            ``resample_method``, ``held`` and ``longest_gap`` of `read`.
 
         Returns
         -------
@@ -490,7 +454,7 @@ class Ensemble(Channels):
             Variables that are inputs and outputs, where each channel is a variable.
         **recorded
             The options ``time``, ``experiment_column``, ``missing``, ``dates``, ``trigger``, ``before``, ``resample``,
-            ``resample_method``, ``held`` and ``longest_gap`` of `load`, where each channel is a variable.
+            ``resample_method``, ``held`` and ``longest_gap`` of `read`, where each channel is a variable.
 
         Returns
         -------

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from typing import Any, Union
+from typing import Union
 
 from . import _tokid
 from ._ensemble import Ensemble
@@ -19,11 +19,11 @@ def load(
     *,
     inputs: Union[str, Sequence[str]] = (),
     outputs: Union[str, Sequence[str]] = (),
-    **recorded: Any,
+    outputs_required: bool = False,
 ) -> Union[Ensemble, Model]:
     """Read an ensemble or a model, depending on the content of the file.
 
-    `Ensemble.load` and `Model.load` read one kind of file.
+    `Ensemble.load` and `Model.load` read one kind of file, and `read` reads tables and logs of other programs.
 
     Parameters
     ----------
@@ -32,9 +32,8 @@ def load(
         files are an ensemble with an experiment in each file.
     inputs, outputs : str or sequence of str, optional
         Columns of a .csv that are inputs and outputs; by default those whose names begin with u and y.
-    **recorded
-        The options of `Ensemble.load` about .csv files: ``time``, ``experiment_column``, ``missing``, ``dates``, ``dt``,
-        ``trigger``, ``before``, ``resample``, ``resample_method``, ``held`` and ``longest_gap``.
+    outputs_required : bool, default False
+        Refuse an ensemble without outputs.
 
     Raises
     ------
@@ -46,4 +45,4 @@ def load(
             is_model = _tokid.is_model(file)
         if is_model:
             return Model.load(path)
-    return Ensemble.load(path, inputs=inputs, outputs=outputs, **recorded)
+    return Ensemble.load(path, inputs=inputs, outputs=outputs, outputs_required=outputs_required)

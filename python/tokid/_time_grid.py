@@ -48,12 +48,16 @@ def _spacing(times: Array) -> float:
     if len(times) < 2:
         return 1.0
     gaps = np.diff(times)
-    steps = float(np.floor(gaps / gaps.min() + 0.5).sum())
+    smallest = float(gaps.min())
+    steps = float(np.floor(gaps / smallest + 0.5).sum())
     refined = float(times[-1] - times[0]) / steps
-    # Many numbers are within the uncertainty. The intended number has few digits.
-    rounded = float(f"{refined:.12g}")
-    uncertainty = 2 * _EPSILON * (refined + max(abs(float(times[0])), abs(float(times[-1]))) / steps)
-    return rounded if abs(rounded - refined) <= uncertainty else refined
+    # Many numbers are within the uncertainty. The intended one has few digits, in itself or in its frequency.
+    uncertainty = (4 * _EPSILON * max(abs(float(times[0])), abs(float(times[-1]))) + 1e-8 * smallest) / steps
+    for digits in range(1, 16):
+        for meant in (float(f"{refined:.{digits}g}"), 1 / float(f"{1 / refined:.{digits}g}")):
+            if abs(meant - refined) <= uncertainty:
+                return meant
+    return refined
 
 
 class Grid:

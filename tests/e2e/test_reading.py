@@ -14,13 +14,13 @@ from support import load, random_system, simulate
 DT = 0.05
 
 
-def table(path, time="time", seconds=1.0, comments="", steps=range(12), end="\n", extra=()):
-    """Three experiments with one input and one output, some of their rows missing, times in units of so many seconds."""
+def table(path, time="time", comments="", steps=range(12), end="\n", extra=()):
+    """Three experiments with one input and one output, some of their rows missing."""
     random = np.random.default_rng(1)
     lines = [",".join(["experiment", *([time] if time else []), *[name for name, _ in extra], "u1", "y1"])]
     for n in range(3):
         for k in steps:
-            cells = [n, *([repr(round(k * DT / seconds, 12))] if time else []), *[value for _, value in extra],
+            cells = [n, *([repr(round(k * DT, 12))] if time else []), *[value for _, value in extra],
                      *random.standard_normal(2).round(6)]
             if (n + k) % 5 or not time:
                 lines.append(",".join(map(str, cells)))
@@ -39,117 +39,13 @@ def told_of(texts, *words):
     return [text for text in texts if all(word in text for word in words)]
 
 
-# Names and units of time
-
-@pytest.mark.parametrize("name,seconds", [
-    ("t", 1), ("t [s]", 1), ("time_s", 1), ("time [s]", 1), ("Time (s)", 1), ("TIME", 1), ("time (sec)", 1),
-    ("time/s", 1), ("time in seconds", 1), ("timestamp", 1), ("Elapsed Time [s]", 1), ("t_s", 1), (" t ", 1),
-    ("Time (ms)", 1e-3), ("time_ms", 1e-3), ("t[ms]", 1e-3), ("time - milliseconds", 1e-3), ("t_us", 1e-6),
-    ("time [\u00b5s]", 1e-6), ("time [\u03bcs]", 1e-6), ("timestamp_ns", 1e-9), ("time [min]", 60), ("Time (h)", 3600),
-    ("seconds", 1), ("Sec", 1), ("milliseconds", 1e-3), ("millis", 1e-3), ("seconds since start", 1), ("elapsed", 1),
-    ("time since start", 1), ("Time Since Start [s]", 1), ("time_since_start_ms", 1e-3), ("time elapsed", 1),
-    ("elapsed_ms", 1e-3), ("Elapsed (min)", 60),
-])
-def test_names_and_units_of_time(tokid, tmp_path, name, seconds):
-    needed = tokid.arrays(table(tmp_path / "known.csv"), tmp_path)
-    file = table(tmp_path / "data.csv", f'"{name}"' if name != name.strip() else name, seconds)
-    found = tokid.arrays(file, tmp_path)
-    assert found["dt"] == needed["dt"] == DT
-    assert np.isnan(needed["u"]).any()  # rows that would close up
-    for key in ("u", "y"):
-        np.testing.assert_array_equal(found[key], needed[key])
-    assert warnings(tokid, "info", file) == []
-
-
-@pytest.mark.parametrize("name", ["T", "temperature", "t1", "times_pressed", "T [s]", "t [degC]", "t_min", "time_const",
-                                  "s", "second", "hours", "elapsed [m]", "index", "row", "sample_id", "stepsize", "K"])
-def test_names_of_other_things(tokid, tmp_path, name):
-    texts = warnings(tokid, "info", table(tmp_path / "data.csv", name))
-    assert told_of(texts, f"column '{name}' is not used") and told_of(texts, "no sample time")
-    text, = told_of(texts, "no column of times or step numbers found")
-    assert "taken as successive steps" in text and "'time'" in text and "'k'" in text
-
-
-# Step numbers
-
-@pytest.mark.parametrize("name", ["step", "Sample", "step number", "SAMPLE_NUMBER", "sample no", "step_index"])
-def test_names_of_step_numbers(tokid, tmp_path, name):
-    needed = tokid.arrays(table(tmp_path / "known.csv", "k", DT), tmp_path)
-    file = table(tmp_path / "data.csv", name, DT)
-    found = tokid.arrays(file, tmp_path)
-    assert np.isnan(needed["u"]).any() and "dt" not in found
-    for key in ("u", "y"):
-        np.testing.assert_array_equal(found[key], needed[key])
-    text, = warnings(tokid, "info", file)
-    assert "no sample time" in text
-    # Times and k decide.
-    for decides in "time", "k":
-        texts = warnings(tokid, "info", table(tmp_path / "data.csv", decides, DT, extra=[(name, 3)]))
-        assert told_of(texts, f"column '{name}' is not used")
-
-
-def test_step_numbers_that_are_none(tokid, tmp_path):
-    def error(text):
-        (tmp_path / "data.csv").write_text(text)
-        return tokid("info", tmp_path / "data.csv", status=2).stderr
-
-    doubt = "the column 'step' was read as step numbers: rename it if it contains something else"
-    found = error("step,u1,y1\n0,1,2\n0,2,3\n1,3,4\n")  # a signal that jumps
-    assert "line 3: a second row for step 0" in found and doubt in found
-    found = error("step,u1,y1\n0,1,2\n0.5,2,3\n")
-    assert "line 3, column 'step': '0.5' found, a whole number needed" in found and doubt in found
-    found = error("step,sample,u1,y1\n0,0,1,2\n1,1,2,3\n")
-    assert "'step', 'sample' found, one column of step numbers needed" in found and "'k'" in found
-    # The number of the row in the whole file
-    rows = "experiment,{},u1,y1\na,0,1,2\na,1,2,3\nb,2,3,4\nb,3,4,5\n"
-    found = error(rows.format("Sample"))
-    assert "column 'Sample': experiment 'b' begins at 2, when experiment 'a' has ended at 1; step numbers" in found
-    (tmp_path / "data.csv").write_text(rows.format("k"))
-    assert tokid.json("info", tmp_path / "data.csv")["steps"] == 4
-    # A channel stays one.
-    (tmp_path / "data.csv").write_text("step,u1,y1\n0,1,2\n0,2,3\n1,3,4\n")
-    found = tokid.json("info", tmp_path / "data.csv", "--inputs", "u1,step")
-    assert found["inputs"] == 2 and told_of(found["warnings"], "taken as successive steps")
-
+# Rows as steps
 
 def test_rows_as_steps_are_told_wherever_files_are_read(tokid, tmp_path):
     file, model = table(tmp_path / "data.csv", None, comments="# dt = 0.05\n", steps=range(40)), tmp_path / "model.npz"
     for arguments in (["info", file], ["identify", file, "-o", model, "--lags", "1", "--time-invariant"],
                       ["validate", model, file]):
-        assert told_of(warnings(tokid, *arguments), "the rows of an experiment were taken as successive steps")
-
-
-def test_times_in_an_unknown_unit(tokid, tmp_path):
-    error = tokid("info", table(tmp_path / "data.csv", "time [fortnights]"), status=2).stderr
-    assert "'time [fortnights]'" in error and "unit 'fortnights' is not known" in error and "ms" in error
-
-
-def test_two_columns_of_times(tokid, tmp_path):
-    error = tokid("info", table(tmp_path / "data.csv", "t_s", extra=[("time_ms", 3)]), status=2).stderr
-    assert "'t_s', 'time_ms' found, one column of times needed" in error and "'time'" in error
-    # "time" decides.
-    texts = warnings(tokid, "info", table(tmp_path / "data.csv", "time", extra=[("time_ms", 3)]))
-    assert len(texts) == 1 and "column 'time_ms' is not used" in texts[0]
-
-
-def test_a_channel_stays_a_channel(tokid, tmp_path):
-    file = table(tmp_path / "data.csv", "t", extra=[("time_ms", 3)])
-    found = tokid.json("info", file, "--inputs", "u1,time_ms")
-    assert [channel["name"] for channel in found["channels"]] == ["u1", "time_ms", "y1"] and found["dt"] == DT
-    # What the comments name is none either, and comes back as it was.
-    tokid("convert", file, tmp_path / "back.csv", "--inputs", "u1,t", "--outputs", "y1,time_ms")
-    back = tokid.json("info", tmp_path / "back.csv")
-    assert [channel["name"] for channel in back["channels"]] == ["u1", "t", "y1", "time_ms"]
-
-
-def test_messages_name_the_column_and_state_seconds(tokid, tmp_path):
-    file = table(tmp_path / "data.csv", "t [ms]", 1e-3)
-    rows = file.read_text().splitlines()
-    rows[5] = rows[5].replace(rows[5].split(",")[1], "263.7")
-    file.write_text("\n".join(rows) + "\n")
-    assert "line 6, column 't [ms]': 263.7 found" in tokid("info", file, status=2).stderr
-    file = table(tmp_path / "stated.csv", "t [ms]", 1e-3, "# dt = 0.05\n")
-    assert tokid.json("info", file)["dt"] == DT
+        assert told_of(warnings(tokid, *arguments), "so the rows were taken as successive steps")
 
 
 # Columns that are not used
@@ -167,8 +63,6 @@ def test_columns_that_are_not_used(tokid, tmp_path):
                       ["report", model, file, "-o", tmp_path / "page.html"], ["convert", file, tmp_path / "out.npz"]):
         assert "'trial', 'temperature' are not used" in tokid(*arguments).stderr
     assert "temperature" in (tmp_path / "page.html").read_text()
-    assert "column 'number 3, without a name' is not used" in warnings(
-        tokid, "info", table(tmp_path / "pandas.csv", extra=[("", 1)]))[0]
     assert "'k'" in warnings(tokid, "info", table(tmp_path / "k.csv", extra=[("k", 1)]))[0]
 
 
@@ -199,7 +93,7 @@ def test_a_last_line_without_its_break(tokid, tmp_path):
     file = table(tmp_path / "data.csv", end="", steps=range(40))
     last = file.read_text().splitlines()
     text, = warnings(tokid, "info", file)
-    assert f"the last line {len(last)} ends" in text and f"y1 = '{last[-1].split(',')[-1]}'" in text
+    assert f"the last line {len(last)} ends" in text
     model = tmp_path / "model.npz"
     found = warnings(tokid, "identify", file, "-o", model, "--lags", "1", "--time-invariant")
     assert text in found and text in warnings(tokid, "validate", model, file)
@@ -358,7 +252,7 @@ def test_the_sample_time_of_the_model_stands_in(tokid, tmp_path):
 def test_step_numbers_state_no_sample_time(tokid, tmp_path):
     rows = "".join(f"{n},{k},{n - k},{k + n * n}\n" for n in range(3) for k in range(9))
     (tmp_path / "k.csv").write_text("experiment,k,u1,y1\n" + rows)
-    (tmp_path / "rows.csv").write_text("u1,y1\n" + "".join(f"{k},{k * k}\n" for k in range(9)))
+    (tmp_path / "rows.csv").write_text("u1,y1\n" + "".join(f"{k % 4},{k * k}\n" for k in range(9)))
     (tmp_path / "one.csv").write_text("time,u1,y1\n0,1,2\n")
     for name in ("k", "rows", "one"):
         assert told_of(warnings(tokid, "info", tmp_path / f"{name}.csv"), "no sample time")

@@ -9,21 +9,13 @@ text = strrep(text, '--inputs ''A,B'' --outputs ''C,D''', '''inputs'', {''A'', '
 text = regexprep(text, '--no-(feedthrough|refine)(?![\w-])', '''$1'', false');
 % Not within the name of a file, such as './--x' or '--x.mat'.
 [rest, found] = regexp(text, '(?<![\w./''"-])--[a-z][a-z0-9-]*(?![\w.-]*\.\w)', 'split', 'match');
-% Only the tool has these options. Those of the first row are for recordings in .csv files.
-recordings = {'--time', '--experiment-column', '--missing', '--dates', '--trigger', '--before', '--resample', ...
-              '--resample-method', '--held', '--longest-gap'};
 others = {'--verbose', '--json', '--quiet', '--output', '--version', '--help', '--confidence', '--simulate', ...
-          '--experiment', '--picture'};
-here = ~ismember(found, [recordings, others]);
+          '--experiment', '--picture'};  % only the tool has these options
+here = ~ismember(found, others);
 words = found;
 words(here) = cellfun(@(name) ['''', strrep(name(3:end), '-', '_'), ''''], found(here), 'UniformOutput', false);
 pieces = [rest; [words, {''}]];
 text = regexprep([pieces{:}], '^''(\w+)'':', 'option ''$1'':');
-alone = found(ismember(found, recordings));
-if ~isempty(alone)
-  text = sprintf(['%s. The functions for MATLAB do not have %s. Convert the file by ''tokid convert'' with this ' ...
-                  'option, and read the result'], text, alone{1});
-end
 
 % The calls of permute that bring the axes into order
 order = '(not \(experiments, channels, steps\))';

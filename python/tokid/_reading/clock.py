@@ -18,7 +18,7 @@ from .words import SUMMARY, split_unit, time_unit
 
 _Unit = tuple[int, int]
 _STRONG = re.compile(
-    r"(time since start|time elapsed|elapsed time|elapsed|timestamp|date ?time|time|zeit|t)(?:(?<!^t) ?(?:in )?(\w+))?"
+    r"(time since start|time elapsed|elapsed time|elapsed|timestamp|date ?time|time|zeit|t)(?:(?:(?<!^t)| ) ?(?:in )?(\w+))?"
 )
 _WEAK = re.compile(
     r"(?:up|unix|utc|gps|local|sim|simulation|sys|system|boot)? ?(?:time|tow|utc|epoch|clock|uptime|stamp)"

@@ -43,7 +43,7 @@ _OPTIONS: dict[str, tuple[str, dict[str, Any]]] = {
 
 def main(arguments: Sequence[str], read: Callable[..., Any]) -> int:
     """Run the command, which reads by `tokid.read`. Return 0, or 2 for an error of the user."""
-    parser = _Parser(prog="tokid import", description="Read tables and logs of other programs, and save them as one "
+    parser = _Parser(prog="tokid import", allow_abbrev=False, description="Read tables and logs of other programs, and save them as one "
                                                       "ensemble.")
     parser.add_argument("sources", metavar="IN", nargs="+", help="file, folder or pattern; each file is an experiment")
     parser.add_argument("out", metavar="OUT", help="the .npz, .h5, .mat or .csv to write")
@@ -67,8 +67,11 @@ def main(arguments: Sequence[str], read: Callable[..., Any]) -> int:
         for remark in told:
             print(f"note: {remark.message}", file=sys.stderr)
         data.save(out)
+        dt = f"dt = {data.dt:g} s" if data.dt_stated else "no sample time"
+        print(f"{out}: {data.experiments} experiments of {data.steps} steps, {dt}", flush=True)
     except (ValueError, OSError, ImportError) as error:
         print(f"tokid import: error: {' '.join(str(error).split())}", file=sys.stderr)
         return 2
-    print(f"{out}: {data.experiments} experiments of {data.steps} steps, dt = {data.dt:g} s")
+    except KeyboardInterrupt:
+        return 130
     return 0

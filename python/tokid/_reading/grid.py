@@ -179,11 +179,14 @@ def _even(runs: Sequence[_Run], options: Options, noted: float) -> tuple[float, 
         return (options.dt, *_moved(runs, options.dt), True)
     slack = [np.full(len(run.times), 0.5 * _EVEN * float(gaps.min()) + run.resolution) for run in runs]
     dt, places = _fitted(runs, slack)
+    remarks = list[str]()
     if places is None and sum(map(len, slack)) >= 8:
         rounding = [_rounding(run.one) for run in runs]
         dt, places = _fitted(runs, [own + more * (1 + 1e-9) for own, more in zip(slack, rounding)])
-        if 6 * max(float(own.max()) for own in rounding) > dt * (1 + 1e-6):  # too coarse to count the steps
+        coarsest = 2 * max(float(own.max()) for own in rounding)
+        if 3 * coarsest > dt * (1 + 1e-6):  # too coarse to count the steps
             places = None
+        remarks = [f"the times are rounded to {coarsest:.3g} s. They were read as even steps of {dt:.10g} s"]
     if places is None:
         _refuse(runs, dt)
     sizes = [int(np.gcd.reduce(np.diff(place))) if len(place) > 1 else 0 for place in places]
@@ -196,7 +199,7 @@ def _even(runs: Sequence[_Run], options: Options, noted: float) -> tuple[float, 
         if abs(stated - dt) > 1e-6 * dt and recording.counted == "line":
             raise recording.error(f"'# dt = {stated:g}' found, but the times have steps of {dt:g} s. Correct it")
         dt = stated if abs(stated - dt) <= 1e-6 * dt else dt
-    return dt, places, [], True
+    return dt, places, remarks, True
 
 
 def _fitted(runs: Sequence[_Run], slacks: Sequence[Floats]) -> tuple[float, Optional[list[Ints]]]:
@@ -222,7 +225,7 @@ def _fitted(runs: Sequence[_Run], slacks: Sequence[Floats]) -> tuple[float, Opti
     if not 0 < low <= high * (1 + 1e-12):
         return max(low, high), None
     dt = _roundest(low, high)
-    placed = [_placed(run.one, dt, 2 * slack) for run, slack in zip(runs, slacks)]
+    placed = [_placed(run.one, dt, slack) for run, slack in zip(runs, slacks)]
     found = [place for place in placed if place is not None]
     return dt, found if len(found) == len(placed) else None
 
@@ -286,8 +289,7 @@ def _refuse(runs: Sequence[_Run], dt: float) -> NoReturn:
     """Name the first time that is not on the grid."""
     gaps = np.concatenate([np.diff(run.times) for run in runs])
     usual = float(np.median(gaps)) or float(gaps.max())
-    mean = float(gaps.sum()) / max(float(np.round(gaps / usual).sum()), 1.0)
-    even = next((own for own in (float(f"{mean:.{n}g}") for n in (1, 2)) if abs(own - mean) < 0.02 * mean), mean)
+    even = next((own for own in (float(f"{usual:.{n}g}") for n in (1, 2)) if abs(own - usual) < 0.02 * usual), usual)
     for run in runs:
         same = np.flatnonzero(np.diff(run.times) <= 2 * run.resolution)
         if len(same):

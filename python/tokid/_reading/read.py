@@ -3,11 +3,10 @@
 
 from __future__ import annotations
 
-import glob
 import os
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Optional
 
 from .. import _dataframe, _tokid
 from .._channels import channel_texts
@@ -23,8 +22,11 @@ def read(
     source: Any, options: Mapping[str, Any], described: Mapping[str, Any] = MappingProxyType({})
 ) -> _tokid.Ensemble:
     """Read an ensemble. `options` are those of `Options`, and `described` the arguments of `describe`."""
-    need("pandas", "tokid.read", "tokid[read]")
     chosen = checked(options)
+    if (own := _of_tokid(source, chosen)) is not None:
+        describe(own, **{name: value for name, value in described.items() if value is not None})
+        return own
+    need("pandas", "tokid.read", "tokid[read]")
     recordings = sources.recordings(source, _wanted(chosen))  # files or objects → raw columns
     stated = channels.stated(recordings, chosen)
     clocks = [clock(recording, stated, chosen) for recording in recordings]  # raw columns → times
@@ -47,25 +49,18 @@ def read(
     return core
 
 
-def is_for_tables(paths: Sequence[Any], options: Mapping[str, Any]) -> bool:
-    """Whether `Ensemble.load` reads these paths here: tables of many files, and tables with options of reading."""
-    files = [os.fsdecode(path) for path in paths]
-    several = len(files) > 1 or any(
-        os.path.isdir(file) or (glob.has_magic(file) and not os.path.exists(file)) for file in files
-    )
-    chosen = vars(checked(options))
-    about_samples = any(chosen[name] and chosen[name] != "linear" for name in chosen if "puts" not in name)
-    known = all(os.path.isdir(file) or sources.extension(file) in sources.TEXTS for file in files)
-    return bool(files) and (known or several and not any(map(os.path.exists, files))) and (several or about_samples)
-
-
-def for_library(options: Mapping[str, Any]) -> _tokid.ReadOptions:
-    """The options of the reader of the library, which refuses them for files that are no tables."""
-    found = _tokid.ReadOptions()
-    for name, value in vars(checked(options)).items():
-        if name not in ("dates", "resample_method"):
-            setattr(found, name, value)
-    return found
+def _of_tokid(source: Any, options: Options) -> Optional[_tokid.Ensemble]:
+    """The ensemble of a .csv that tokid wrote, with its checksum; None for other sources, and with other options."""
+    stated = {name for name, value in vars(options).items() if value and value != "linear"}
+    plain = stated <= {"inputs", "outputs", "outputs_required"}
+    if not plain or not isinstance(source, (str, os.PathLike)) or not os.path.isfile(source):
+        return None
+    with open(source, "rb") as file:
+        if not file.read(14).startswith(b"# checksum = "):
+            return None
+    chosen = _tokid.ReadOptions()
+    chosen.inputs, chosen.outputs, chosen.outputs_required = list(options.inputs), list(options.outputs), False
+    return _tokid.load_ensemble([os.fspath(source)], chosen)
 
 
 def _wanted(options: Options) -> list[str]:

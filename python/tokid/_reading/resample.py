@@ -99,8 +99,10 @@ def _channel(
     if method == "mean":
         places = np.searchsorted(times, np.append(at - dt / 2, at[-1] + dt / 2) - slack, "left")
         number = np.diff(places)
-        sums = np.diff(np.append(0.0, np.cumsum(values))[places])
-        return np.where(number > 0, sums / np.maximum(number, 1), np.nan), 0.0
+        full = number > 0
+        if full.any():
+            found[full] = np.add.reduceat(values[: places[-1]], places[:-1][full]) / number[full]
+        return found, 0.0
     if method == "linear":
         same = np.flatnonzero(np.append(True, np.diff(times) > 0))
         times, values = times[same], np.add.reduceat(values, same) / np.diff(np.append(same, len(times)))

@@ -218,11 +218,18 @@ def _log(extra: str, unit: str, series: Callable[[str], Iterator[_Series]]) -> C
     def of(path: str, place: str, name: str, wanted: Sequence[str]) -> Recording:
         import pandas  # type: ignore[import-not-found, import-untyped, unused-ignore]
 
-        parts = []
-        topics = []
-        for topic, fields in series(path):
+        parts, topics, remarks = [], [], list[str]()
+        several = list(series(path))
+        for topic, fields in several:
             if "time" not in fields.columns:
+                if len(several) > 1:
+                    raise IoError(f"{place}: the series '{topic}' has no times, but the file has other series. Write it "
+                                  "into a file of its own")
                 return _in_memory(fields, place, name)
+            again = int(fields["time"].duplicated().sum())
+            if again:
+                remarks.append(f"{again} samples of '{topic or name}' have the time of an earlier one. The last of each "
+                               "time was used")
             own = fields.rename(columns={f: f"{topic}.{f}" if topic else str(f) for f in fields.columns if f != "time"})
             topics += [column for column in own.columns if column != "time"]
             used = [
@@ -234,7 +241,8 @@ def _log(extra: str, unit: str, series: Callable[[str], Iterator[_Series]]) -> C
             shown = quoted(topics[:40]) + (" and more" if len(topics) > 40 else "")
             raise IoError(f"{place}: none of the wanted columns found among {shown}")
         table = pandas.concat(parts, ignore_index=True).groupby("time", sort=True).last().reset_index()
-        remarks = [f"{len(parts)} series on {len(parts)} clocks were joined by their times"] if len(parts) > 1 else []
+        if len(parts) > 1:
+            remarks.append(f"{len(parts)} series on {len(parts)} clocks were joined by their times")
         found = _in_memory(table, place, name)
         units = [unit if label == "time" else own for label, own in zip(found.names, found.units)]
         return Recording(name, place, found.table, found.names, units, "row", {}, remarks)
@@ -281,21 +289,36 @@ def _flat(message: Any, prefix: str = "") -> dict[str, float]:
     return found
 
 
+def _alike(names: Sequence[str]) -> bool:
+    """Whether groups have channels of the same name, which then need the name of the group."""
+    return len(set(names)) < len(names)
+
+
 def _mf4(path: str) -> Iterator[_Series]:
     with _package("asammdf", path, "logs").MDF(path) as log:
-        for number in range(len(log.groups)):
-            yield "", log.get_group(number).rename_axis("time").reset_index()
+        groups = [log.get_group(number).rename_axis("time").reset_index() for number in range(len(log.groups))]
+    alike = _alike([str(name) for group in groups for name in group.columns if name != "time"])
+    for number, group in enumerate(groups):
+        yield f"group{number}" if alike else "", group
 
 
 def _tdms(path: str) -> Iterator[_Series]:
     import pandas  # type: ignore[import-not-found, import-untyped, unused-ignore]
 
-    for group in _package("nptdms", path, "logs").TdmsFile.read(path).groups():
+    groups = _package("nptdms", path, "logs").TdmsFile.read(path).groups()
+    starts = [channel.properties.get("wf_start_time") for group in groups for channel in group.channels()]
+    first = min((start for start in starts if start is not None), default=None)
+    alike = _alike([channel.name for group in groups for channel in group.channels()])
+    for group in groups:
+        topic = group.name if alike else ""
         for channel in group.channels():
             if "wf_increment" not in channel.properties:
-                yield "", group.as_dataframe()
+                yield topic, group.as_dataframe()
                 break
-            yield "", pandas.DataFrame({"time": channel.time_track(), channel.name: channel[:]})
+            start, times = channel.properties.get("wf_start_time"), channel.time_track()
+            if start is not None and first is not None:
+                times = times + (start - first) / np.timedelta64(1, "s")
+            yield topic, pandas.DataFrame({"time": np.round(times, 9), channel.name: channel[:]})
 
 
 _READERS: dict[str, Callable[[str, str, str, Sequence[str]], Recording]] = {

@@ -17,9 +17,10 @@ from .recording import Recording, quoted
 from .words import NUMBER, SILENT, is_unit, is_value, split_unit
 
 _SPACES = r"\s+"
-_BEYOND_ASCII = str.maketrans("\u2019\u00a0\u202f", "'  ")  # marks of thousands that pandas does not know
+_BEYOND_ASCII = str.maketrans("\u2019\u00a0\u202f\u2212", "'  -")  # marks that pandas does not know
 _MARK_NAMES = {"'": "apostrophes", " ": "spaces", ",": "commas", ".": "points"}
 _NOTE = re.compile(r"#\s*(dt|initial_state|length|(?:in|out)put_(?:names|units)|checksum)\s*=\s*(.+?)\s*$")
+_PLACE = re.compile(r"(?i)k|t|.*(time|date|clock|zeit|stamp|sec|step|sample|epoch|elapsed|tow).*")
 _Rows = dict[int, list[str]]  # the cells of lines, which count from 0
 
 
@@ -91,10 +92,11 @@ def table_of(text: str, remarks: list[str], place: str, name: str, wanted: Seque
     remarks += [*start.remarks, *marks.remarks]
     table = _frame(body, separator, marks, width, place, start)
     empty = int(table.isna().all(axis=1).sum()) if table[width - 1].isna().any() else 0
-    if empty:  # in a table of one column, a blank line is a missing sample
-        table = table if width == 1 else table.dropna(how="all")
-        remarks.append(f"{empty} blank line{'s' if empty > 1 else ''} "
-                       f"{'read as missing samples' if width == 1 else 'left out'}")
+    if empty:  # without times, a row without content is a step whose samples are missing
+        steps = not any(map(_PLACE.fullmatch, names))
+        table = table if steps else table.dropna(how="all")
+        remarks.append(f"{empty} row{'s' if empty > 1 else ''} without content "
+                       f"{'read as missing samples' if steps else 'left out'}")
     names, units = names[:width], units[:width]
     return Recording(name, place, table, names, units, "line", notes, remarks, marks.decimal, marks.thousands)
 
@@ -136,10 +138,9 @@ def _start(lines: Sequence[str], rows: _Rows, width: int, separator: str, wanted
                 [n] if group or any(cells) and abs(len("\0".join(cells).rstrip("\0").split("\0")) - width) <= 1 else []
             )
         elif group:
-            fitting = [m for m in group if any(name.startswith("u") for name in rows[m])]
-            return _described(
-                rows, (fitting or [m for m in group if not _is_units(rows[m])][-1:] or group)[0], group, n
-            )
+            nearest = [m for m in group if not _is_units(rows[m])][-1:]
+            fitting = [m for m in (*nearest, *group) if any(name.startswith("u") for name in rows[m])]
+            return _described(rows, (fitting or nearest or group)[0], group, n)
     # A comment with the names of the columns, as NumPy's savetxt writes it, is a header, too.
     body = min(data, default=0)
     for n in range(body - 1, -1, -1):

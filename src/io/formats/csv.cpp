@@ -1,249 +1,452 @@
-// Reads .csv files as people have them: one ensemble from one table, or from many tables with an experiment each.
+// Reads strict .csv files: one ensemble from one table, or from many tables. Python's tokid.read reads the tables of
+// other programs.
 // SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
+#include <cstdint>
 #include <map>
+#include <numeric>
 #include <optional>
+#include <unordered_map>
 
 #include "base/nan.hpp"
 #include "base/words.hpp"
-#include "io/formats/csv_table.hpp"
+#include "io/formats/csv_columns.hpp"
+#include "io/formats/csv_lines.hpp"
+#include "io/formats/even_times.hpp"
 #include "io/formats/formats.hpp"
-#include "io/formats/records.hpp"
-#include "io/formats/trigger.hpp"
+#include "io/guard/claims.hpp"
 #include "io/guard/descriptor.hpp"
 #include "io/naming.hpp"
+#include "tokid/parallel.hpp"
 
 namespace tokid::io {
 
-void check_options(const ReadOptions& options) {
-  if (!options.trigger.empty()) Trigger trigger(options.trigger);
-  const auto refuse = [](const char* name, const auto& found, const char* needed) {
-    throw std::invalid_argument(fmt::format("{}: {} found, {} needed", name, found, needed));
-  };
-  if (options.before < 0) refuse("before", options.before, "a number of steps from 0 on");
-  if (options.before > 0 && options.trigger.empty())
-    throw std::invalid_argument("before: no trigger found. Steps before the trigger can be kept only with a trigger");
-  if (!options.held.empty() && !options.resample)
-    throw std::invalid_argument("held: no resample found. Channels can be held only by resampling");
-  if (options.longest_gap && *options.longest_gap < 1)
-    refuse("longest_gap", *options.longest_gap, "a number of steps from 1 on");
-  if (options.dt && !(*options.dt > 0 && std::isfinite(*options.dt)))
-    refuse("dt", *options.dt, "a positive sample time in seconds");
-  if (options.dt && options.resample)
-    throw std::invalid_argument(
-        "dt: a sample time found together with resample, which states another one; leave one out");
-  if (options.resample && !(*options.resample > 0 && std::isfinite(*options.resample)))
-    refuse("resample", *options.resample, "a positive sample time in seconds");
-}
-
 namespace {
 
-// The names of experiments: those of the files, with their folders where files have equal names.
-Names labels_of(const std::vector<std::filesystem::path>& paths) {
-  Names labels;
-  for (const auto& path : paths) labels.push_back(path.stem().string());
-  std::map<std::string, int> count;
-  for (const std::string& label : labels) ++count[label];
-  for (size_t i = 0; i < paths.size(); ++i)
-    if (count[labels[i]] > 1) labels[i] = (paths[i].parent_path() / paths[i].stem()).string();
-  return labels;
+// The rows of a table, and what its header and comments state.
+struct Table {
+  std::string file;
+  Notes notes;
+  Names header;
+  CsvColumns columns;
+  Names experiments;                    // in the order of appearance
+  std::vector<Index> experiment, line;  // of each row
+  std::vector<double> place;            // of each row: its time, its step number, or its number in its experiment
+  std::vector<double> samples;          // (rows, r + m)
+  Names remarks;
+
+  size_t rows() const { return line.size(); }
+};
+
+// A mark in quotation marks separates nothing.
+char separator_of(std::string_view header) {
+  bool quoted = false, semicolon = false;
+  for (const char c : header) {
+    if (c == '"') quoted = !quoted;
+    if (c == '\t' && !quoted) return '\t';
+    semicolon = semicolon || (c == ';' && !quoted);
+  }
+  return semicolon ? ';' : ',';
 }
 
-void name_experiments(const std::filesystem::path& path, const std::string& label, Table& table) {
-  TimeColumn& rows = table.records.rows;
-  for (std::string& name : rows.experiments)
-    name = rows.experiments.size() > 1 ? fmt::format("{}/{}", label, name) : label;
-  rows.files.assign(rows.experiments.size(), path.filename().string());
+// A number with a decimal point; NaN for an empty cell. Empty for another text, and for a number that is too large.
+std::optional<double> number_from(std::string_view cell) {
+  if (cell.empty() || cell == "NA" || cell == "NaN" || cell == "nan") return nan;
+  const bool plus = cell.front() == '+';
+  if (plus) cell.remove_prefix(1);
+  double value = 0.0;
+  const auto [end, error] = std::from_chars(cell.data(), cell.data() + cell.size(), value);
+  if (end != cell.data() + cell.size() || std::isnan(value) || (plus && cell.starts_with('-'))) return std::nullopt;
+  if (error == std::errc::result_out_of_range)
+    return cell.find("e-") != std::string_view::npos || cell.find("E-") != std::string_view::npos ? std::optional(0.0)
+                                                                                                  : std::nullopt;
+  return error == std::errc() ? std::optional(value) : std::nullopt;
+}
+
+class TableReader {
+ public:
+  TableReader(const std::filesystem::path& path, const ReadOptions& options) : lines_(path) {
+    table_.file = path.filename().string();
+    read_header(options);
+    while (lines_.next()) {
+      if (table_.rows() % 4096 == 0) checkpoint();
+      add_row();
+    }
+    if (table_.rows() == 0) fail("no rows found below the header, samples needed");
+    if (!table_.columns.place()) check_no_clock();
+    add_remarks(path);
+  }
+  Table take() { return std::move(table_); }
+
+ private:
+  void read_header(const ReadOptions& options) {
+    while (lines_.next() && lines_.text().starts_with('#'))
+      read_note(lines_.number(), std::string(lines_.text().substr(1)), table_.notes);
+    if (lines_.number() == 0 || lines_.text().empty()) fail("no header found, a line with the names of columns needed");
+    separator_ = separator_of(lines_.text());
+    table_.header = lines_.cells(separator_);
+    const auto is_number = [](const std::string& name) { return !name.empty() && number_from(name).has_value(); };
+    if (std::all_of(table_.header.begin(), table_.header.end(), is_number))
+      fail("line {}: numbers found, the names of the columns needed in the first row", lines_.number());
+    table_.columns = csv_columns(table_.header, table_.notes, options);
+  }
+
+  void add_row() {
+    if (table_.header.size() == 1 && lines_.blank() > 0)
+      fail("line {}: a blank line found in a table of one column; NaN for a missing sample needed", lines_.blank());
+    const Names& cells = lines_.cells(separator_);
+    const Index line = lines_.number();
+    if (cells.size() != table_.header.size())
+      fail("line {}: {} cells found, {} needed, one for each name in the header", line, cells.size(),
+           table_.header.size());
+    const Index n = experiment_of(cells);
+    table_.experiment.push_back(n);
+    table_.line.push_back(line);
+    const auto place = table_.columns.place();
+    const double value = place ? number(cells, *place) : double(rows_[size_t(n)]++);
+    const bool whole = table_.columns.time || value == std::floor(value);
+    if (!std::isfinite(value) || !whole)
+      fail("line {}, column '{}': '{}' found, a {} needed", line, table_.header[*place], words::quoted(cells[*place]),
+           table_.columns.time ? "time in seconds" : "whole number");
+    table_.place.push_back(value);
+    for (const auto* columns : {&table_.columns.inputs, &table_.columns.outputs})
+      for (const size_t c : *columns) table_.samples.push_back(number(cells, c));
+  }
+
+  double number(const Names& cells, size_t c) const {
+    const std::optional<double> value = number_from(cells[c]);
+    if (!value)
+      fail("line {}, column '{}': '{}' found, a number needed, with a decimal point; an empty cell is a missing sample",
+           lines_.number(), table_.header[c], words::quoted(cells[c]));
+    return *value;
+  }
+
+  // Rows are steps only if no column may be their clock.
+  void check_no_clock() const {
+    if (!table_.columns.unused.empty())
+      fail(
+          "no column 'time' or 'k' found, but {}, which may have the times; the name 'time' or 'k' for it needed, or a "
+          "table without it",
+          quoted(table_.columns.unused));
+    const size_t inputs = table_.columns.inputs.size(), channels = inputs + table_.columns.outputs.size();
+    for (size_t c = 0; c < inputs && table_.rows() > 3; ++c) {
+      bool even = true;
+      const double step = table_.samples[channels + c] - table_.samples[c];
+      for (size_t row = 1; even && row < table_.rows() && table_.experiment[row] == 0; ++row) {
+        const double gap = table_.samples[row * channels + c] - table_.samples[(row - 1) * channels + c];
+        even = gap > 0 && std::abs(gap - step) <= 1e-3 * step;
+      }
+      if (even)
+        fail(
+            "no column 'time' or 'k' found, but the input '{}' rises evenly like a clock; the name 'time' for it, or a "
+            "column 'k' beside it, needed",
+            table_.header[table_.columns.inputs[c]]);
+    }
+  }
+
+  Index experiment_of(const Names& cells) {
+    const auto column = table_.columns.experiment;
+    const std::string id = column ? cells[*column] : "";
+    if (column && id.empty())
+      fail("line {}, column '{}': nothing found, a number or name needed", lines_.number(), table_.header[*column]);
+    const auto [at, is_new] = numbers_.try_emplace(id, Index(numbers_.size()));
+    if (is_new) table_.experiments.push_back(id), rows_.push_back(0);
+    return at->second;
+  }
+
+  void add_remarks(const std::filesystem::path& path) {
+    Names& remarks = table_.remarks;
+    if (lines_.is_changed() || table_.notes.has_checksum)
+      remarks.push_back(
+          fmt::format("'{}' does not match its line '# checksum = …', so the file was changed after tokid wrote it. "
+                      "Remove this line if you changed the file by hand. Otherwise the file is damaged",
+                      path.string()));
+    if (const Names& unused = table_.columns.unused; !unused.empty())
+      remarks.push_back(fmt::format("{} {} not used. Name the columns that are channels as inputs or outputs",
+                                    unused.size() == 1 ? "column" : "columns", words_of_unused(unused)));
+    if (!table_.columns.place())
+      remarks.emplace_back("no column 'time' or 'k' found, so the rows were taken as successive steps");
+    if (lines_.has_open_end())
+      remarks.push_back(
+          fmt::format("the last line {} ends without a line break, so its last value may have been cut. Check whether "
+                      "the file is complete, and end it with a line break",
+                      lines_.number()));
+  }
+
+  static std::string words_of_unused(const Names& unused) {
+    return fmt::format("{} {}", quoted(unused), unused.size() == 1 ? "is" : "are");
+  }
+
+  CsvLines lines_;
+  Table table_;
+  char separator_ = ',';
+  std::unordered_map<std::string, Index> numbers_;  // of the experiments
+  std::vector<Index> rows_;                         // of each experiment so far
+};
+
+// The end of messages about a table: how to read the tables of other programs.
+std::string how_to_import(const std::filesystem::path& path) {
+  std::string quoted;
+  for (const char c : path.string()) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return fmt::format(". To read a table of another program: tokid import '{}' data.npz", quoted);
+}
+
+Table table_of(const std::filesystem::path& path, const ReadOptions& options) {
+  try {
+    return TableReader(path, options).take();
+  } catch (const IoError& error) {
+    throw IoError(error.what() + how_to_import(path));
+  }
 }
 
 // Facts on which all tables must agree.
-void check_same(const std::string& first_file, const Table& first, const Table& table) {
-  const auto check_units = [&](const Names& titles, const Names& needed, const Names& found) {
-    for (size_t i = 0; i < titles.size(); ++i) {
-      const std::string a = i < needed.size() ? needed[i] : "", b = i < found.size() ? found[i] : "";
-      if (a != b) fail("column '{}': unit '{}' found, but '{}' in '{}'; one unit needed", titles[i], b, a, first_file);
+void check_same(const Table& first, const Table& table) {
+  const auto kind = [](const Table& t) {
+    return t.columns.time ? "a column 'time'" : t.columns.step ? "a column 'k'" : "no column of steps";
+  };
+  if (std::string_view(kind(table)) != kind(first))
+    fail("{} found, but {} in '{}'; the same kind of steps in all files needed", kind(table), kind(first), first.file);
+  if (table.notes.dt && first.notes.dt && *table.notes.dt != *first.notes.dt)
+    fail("dt: {} found, but {} in '{}'; one sample time needed", *table.notes.dt, *first.notes.dt, first.file);
+  if (table.notes.initial_state && first.notes.initial_state &&
+      *table.notes.initial_state != *first.notes.initial_state)
+    fail("initial_state: {} found, but {} in '{}'; one initial state needed", to_string(*table.notes.initial_state),
+         to_string(*first.notes.initial_state), first.file);
+  const auto units = [](const Table& t) {
+    const Channels names = csv_channels(t.header, t.notes, t.columns);
+    return std::pair(names.input_units, names.output_units);
+  };
+  if (units(table) != units(first)) fail("other units of the channels found than in '{}'; the same needed", first.file);
+}
+
+// The channels of the first table are those of all.
+ReadOptions like_first(const Table& first, ReadOptions options) {
+  const auto titles = [&](const std::vector<size_t>& columns) {
+    Names names;
+    for (const size_t c : columns) names.push_back(first.header[c]);
+    return names;
+  };
+  options.inputs = titles(first.columns.inputs), options.outputs = titles(first.columns.outputs);
+  return options;
+}
+
+// If the caller names no channels, no table may have more of them than the first.
+void check_no_more(const Table& first, const Table& table, const ReadOptions& options) {
+  const bool named = !options.inputs.empty() || !options.outputs.empty() || !options.wanted.input_names.empty();
+  const CsvColumns own = named ? table.columns : csv_columns(table.header, table.notes, options);
+  const auto channels = [](const CsvColumns& columns) { return columns.inputs.size() + columns.outputs.size(); };
+  if (channels(own) > channels(first.columns) || channels(table.columns) != channels(first.columns))
+    fail("{} channels found, but {} in '{}'; the same in all files needed, or the names of those to read",
+         channels(own), channels(first.columns), first.file);
+}
+
+struct Steps {
+  EvenTimes grid;
+  Index count = 1;
+};
+
+std::string place_of(const std::vector<Table>& tables, size_t row) {
+  size_t t = 0;
+  while (row >= tables[t].rows()) row -= tables[t++].rows();
+  const std::string line = fmt::format("line {}", tables[t].line[row]);
+  return tables.size() > 1 ? fmt::format("{}, {}", tables[t].file, line) : line;
+}
+
+// Step 0 is the first of all experiments. Experiments without a common step do not repeat each other.
+Steps steps_of(const std::vector<Table>& tables, Index experiments, std::optional<double> dt) {
+  const Table& first = tables.front();
+  std::vector<double> all;
+  for (const Table& table : tables) all.insert(all.end(), table.place.begin(), table.place.end());
+  Steps result;
+  result.grid = first.columns.time ? even_times(all, dt)
+                                   : EvenTimes{.begin = *std::min_element(all.begin(), all.end()), .wrong = {}};
+  if (const auto wrong = result.grid.wrong)
+    fail("{}, column 'time': {} found, which is not on the even steps of {} s that begin at {}; even times needed",
+         place_of(tables, *wrong), all[*wrong], result.grid.dt, result.grid.begin);
+  const double steps = result.grid.step(*std::max_element(all.begin(), all.end())) + 1, rows = double(all.size());
+  const double channels = double(first.columns.inputs.size() + first.columns.outputs.size());
+  const double samples = steps * double(experiments) * channels;
+  // Without this limit, one wrong time could take far more memory than the number of rows justifies.
+  if (!(samples <= 1e6 + 1000 * rows * channels && samples * sizeof(double) <= double(memory_limit())))
+    fail(
+        "{} experiments of {} steps found in only {} rows, so most rows would be missing. Check the times or step "
+        "numbers",
+        experiments, steps, rows);
+  result.count = Index(steps);
+  return result;
+}
+
+// Refuses rows that are all several steps apart, because the sample time is then probably another one. With a stated
+// one, these are the rows of all experiments together. Without it, an experiment has another spacing than the others.
+void check_all_steps(const std::vector<Table>& tables, const Steps& steps, bool stated) {
+  struct Rows {
+    double last = 0.0;
+    std::int64_t common = 0;
+    int count = 0;
+  };
+  Rows all;
+  for (const Table& table : tables) {
+    std::vector<Rows> rows(table.experiments.size());
+    for (size_t row = 0; row < table.rows(); ++row) {
+      Rows& own = stated ? all : rows[size_t(table.experiment[row])];
+      const double step = steps.grid.step(table.place[row]);
+      if (own.count++ > 0) own.common = std::gcd(own.common, std::int64_t(step - own.last));
+      own.last = step;
     }
-  };
-  check_units(first.input_titles, first.channels.input_units, table.channels.input_units);
-  check_units(first.output_titles, first.channels.output_units, table.channels.output_units);
-  const auto steps = [](const Table& t) {
-    return t.records.source == StepSource::times     ? fmt::format("column '{}' of times", t.records.rows.name)
-           : t.records.source == StepSource::numbers ? fmt::format("column '{}' of step numbers", t.records.rows.name)
-                                                     : std::string("no column of times or step numbers");
-  };
-  if (table.records.source != first.records.source)
-    fail("{} found, but {} in '{}'; the same kind of steps in all files needed", steps(table), steps(first),
-         first_file);
-  if (table.dt && first.dt && *table.dt != *first.dt)
-    fail("dt: {} found, but {} in '{}'; one sample time needed", *table.dt, *first.dt, first_file);
-  if (table.initial_state && first.initial_state && *table.initial_state != *first.initial_state)
-    fail("initial_state: {} found, but {} in '{}'; one initial state needed", to_string(*table.initial_state),
-         to_string(*first.initial_state), first_file);
+    for (size_t n = 0; n < rows.size(); ++n)
+      if (rows[n].count > 2 && rows[n].common > 1)
+        fail(
+            "column 'time': steps of {:.10g} s in experiment '{}' and of {:.10g} s in all together found, one sample "
+            "time needed; state '# dt = {}' above the header if samples are missing",
+            double(rows[n].common) * steps.grid.dt, table.experiments[n], steps.grid.dt, steps.grid.dt);
+  }
+  if (all.count > 2 && all.common > 1)
+    fail("'# dt = {}' found, but all rows lie multiples of {:.10g} s apart; correct dt or the times", steps.grid.dt,
+         double(all.common) * steps.grid.dt);
+}
+
+// The samples of all tables. Returns the number of steps to the last row of each experiment.
+std::vector<Index> fill(const std::vector<Table>& tables, const Steps& steps, Ensemble& e) {
+  const Index channels = e.channels();
+  e.samples().setConstant(nan);
+  std::vector<Index> length(size_t(e.experiments()), 0), begin(length.size(), steps.count);
+  std::vector<char> seen(size_t(e.experiments() * steps.count), 0);
+  Index before = 0;  // experiments of the tables before
+  for (const Table& table : tables) {
+    for (size_t row = 0; row < table.rows(); ++row) {
+      const Index n = before + table.experiment[row], k = Index(steps.grid.step(table.place[row]));
+      char& again = seen[size_t(n * steps.count + k)];
+      if (again)
+        fail(
+            "{}line {}: a second row for step {} found; rows of other experiments need other names in a column "
+            "'experiment'",
+            tables.size() > 1 ? table.file + ", " : "", table.line[row], k);
+      again = 1;
+      length[size_t(n)] = std::max(length[size_t(n)], k + 1);
+      begin[size_t(n)] = std::min(begin[size_t(n)], k);
+      for (Index c = 0; c < channels; ++c)
+        e.samples()(n, k * channels + c) = table.samples[row * size_t(channels) + size_t(c)];
+    }
+    before += Index(table.experiments.size());
+  }
+  const Index last_begin = *std::max_element(begin.begin(), begin.end());
+  if (last_begin >= *std::min_element(length.begin(), length.end()))
+    fail("experiments without a common step found; times that count from the begin of each experiment needed");
+  if (tables.size() > 1 && last_begin > 0)
+    e.remarks.push_back(
+        fmt::format("the times of all files were read as those of one clock, on which the experiments begin up to {} "
+                    "steps apart",
+                    last_begin));
+  return length;
+}
+
+// The lengths that the comments state, for the experiments of tables that state any.
+void apply_noted_lengths(const std::vector<Table>& tables, Ensemble& e) {
+  std::vector<Index> length = e.length.empty() ? std::vector<Index>(size_t(e.experiments()), e.steps()) : e.length;
+  size_t before = 0;
+  bool any = false;
+  for (const Table& table : tables) {
+    const std::vector<Index>& noted = table.notes.length;
+    if (!noted.empty() && noted.size() != table.experiments.size())
+      fail("length: {} entries found for {} experiments, one entry for each experiment needed", noted.size(),
+           table.experiments.size());
+    for (size_t n = 0; n < noted.size(); ++n) length[before + n] = noted[n], any = true;
+    before += table.experiments.size();
+  }
+  if (any) set_length(e, std::move(length));
+}
+
+// The names of experiments of several files: those of the files, with their folders where files have equal names.
+Names labels_of(const std::vector<std::filesystem::path>& paths) {
+  std::map<std::string, int> count;
+  for (const auto& path : paths) ++count[path.stem().string()];
+  Names labels;
+  for (const auto& path : paths)
+    labels.push_back(count[path.stem().string()] > 1 ? (path.parent_path() / path.stem()).string()
+                                                     : path.stem().string());
+  return labels;
 }
 
 // Remarks of several files, each text once.
-class Remarks {
- public:
-  void add(const std::string& file, const Names& texts) {
-    ++files_;
-    for (const std::string& text : texts) {
-      const auto [at, is_new] = places_.try_emplace(text, order_.size());
-      if (is_new) order_.push_back({text, {}});
-      order_[at->second].second.push_back(file);
+Names joined_remarks(const std::vector<Table>& tables) {
+  if (tables.size() == 1) return tables.front().remarks;
+  Names texts, result;
+  std::map<std::string, Names> files;
+  for (const Table& table : tables)
+    for (const std::string& text : table.remarks) {
+      if (files[text].empty()) texts.push_back(text);
+      files[text].push_back(table.file);
     }
+  for (const std::string& text : texts) {
+    const Names& found = files[text];
+    result.push_back(found.size() == tables.size() ? fmt::format("in all files, {}", text)
+                     : found.size() == 1           ? fmt::format("'{}': {}", found.front(), text)
+                                         : fmt::format("'{}' and {} more: {}", found.front(), found.size() - 1, text));
   }
-
-  Names take() const {
-    Names result;
-    for (const auto& [text, files] : order_)
-      result.push_back(files.size() == files_ ? fmt::format("in all files, {}", text)
-                       : files.size() == 1
-                           ? fmt::format("'{}': {}", files.front(), text)
-                           : fmt::format("'{}' and {} more: {}", files.front(), files.size() - 1, text));
-    return result;
-  }
-
- private:
-  size_t files_ = 0;
-  std::map<std::string, size_t> places_;
-  std::vector<std::pair<std::string, Names>> order_;
-};
-
-// One remark on all files without a final line break.
-std::string remark_on_ends(const std::vector<std::pair<std::string, std::string>>& cut) {
-  const std::string first = fmt::format("'{}': {}", cut.front().first, cut.front().second);
-  if (cut.size() == 1) return first;
-  return fmt::format("{}; {} more {} without a line break", first, cut.size() - 1,
-                     cut.size() == 2 ? "file ends" : "files end");
+  return result;
 }
 
-// The lengths that the comments of the tables state, for those that state any.
-void apply_noted_lengths(const std::vector<Index>& noted, Ensemble& e) {
-  std::vector<Index> length = e.length.empty() ? std::vector<Index>(size_t(e.experiments()), e.steps()) : e.length;
-  for (size_t n = 0; n < length.size(); ++n)
-    if (noted[n] >= 0) length[n] = std::min(noted[n], e.steps());
-  set_length(e, std::move(length));
-}
-
-void check_length(const Table& table) {
-  const size_t experiments = table.records.rows.experiments.size();
-  if (!table.length.empty() && table.length.size() != experiments)
-    fail("length: {} entries found for {} experiments, one entry for each experiment needed", table.length.size(),
-         experiments);
-}
-
-std::optional<Index> longest_gap(const ReadOptions& options) {
-  constexpr Index usual = 3;
-  if (options.longest_gap) return Index(*options.longest_gap);
-  return options.resample_method == ResampleMethod::previous ? std::nullopt : std::optional(usual);
-}
-
-// Aligns, resamples and assembles the rows. `start`: a remark on the times at which the experiments begin.
-Ensemble ensemble_of(Table table, const ReadOptions& options, bool many, std::optional<std::string>& start) {
-  const bool aligned = !options.trigger.empty();
-  Records& records = table.records;
-  if (aligned)
-    align(options.trigger, Index(options.before), records);
-  else if (many || table.stamped)
-    start = begin_together(records);
-  if (options.resample)
-    resample({*options.resample, options.resample_method, longest_gap(options),
-              options.longest_gap ? std::optional(Index(*options.longest_gap)) : std::nullopt},
-             aligned, records);
-  Assembly assembly;
-  assembly.dt = options.resample ? options.resample : options.dt ? options.dt : table.dt;
-  assembly.moved = options.dt.has_value();
-  if (aligned) assembly.before = Index(options.before);
-  assembly.own_lengths = many || aligned || options.resample;
-  Ensemble e = assembled(records, assembly);
-  e.names = std::move(table.channels);
-  if (table.names_experiments) set_experiment_names(e, records.rows.experiments);
-  if (!aligned) e.initial_state = table.initial_state;
+Ensemble ensemble_of(std::vector<Table> tables, const Names& names, bool several, const ReadOptions& options) {
+  const auto noted = [&](auto part) {
+    auto found = tables.front().notes.*part;
+    for (const Table& table : tables)
+      if (!found) found = table.notes.*part;
+    return found;
+  };
+  const std::optional<double> dt = noted(&Notes::dt);
+  if (dt && !(*dt > 0 && std::isfinite(*dt))) fail("dt: {} found, a positive time in seconds needed", *dt);
+  const Table& first = tables.front();
+  const Steps steps = steps_of(tables, Index(names.size()), dt);
+  Ensemble e(Index(names.size()), steps.count, Index(first.columns.inputs.size()), Index(first.columns.outputs.size()),
+             dt.value_or(steps.grid.dt));
+  e.dt_stated = dt || steps.grid.shows_dt;
+  if (first.columns.time) check_all_steps(tables, steps, dt.has_value());
+  std::vector<Index> length = fill(tables, steps, e);
+  const bool differ = std::any_of(length.begin(), length.end(), [&](Index own) { return own < e.steps(); });
+  if (several && differ) e.length = std::move(length);
+  e.names = csv_channels(first.header, first.notes, first.columns);
+  e.initial_state = noted(&Notes::initial_state);
+  if (several || first.columns.experiment) set_experiment_names(e, names);
+  apply_noted_lengths(tables, e);
+  e.check(options.outputs_required);
+  const Names remarks = joined_remarks(tables);
+  e.remarks.insert(e.remarks.begin(), remarks.begin(), remarks.end());
   return e;
 }
 
 }  // namespace
 
 Ensemble read_csv(const std::filesystem::path& path, const ReadOptions& options) {
-  Table table = read_table(path, options, nullptr);
-  Names remarks = table.remarks;
-  if (table.cut) remarks.push_back(*table.cut);
-  if (!table.guesses.empty()) remarks.push_back(remark_on_guesses(table.guesses));
-  const std::vector<Index> length = table.length;
-  const bool changed = !options.trigger.empty() || options.resample.has_value();
-  if (!changed) check_length(table);
-  std::optional<std::string> start;
-  Ensemble e = ensemble_of(std::move(table), options, false, start);
-  if (start) remarks.insert(remarks.begin(), *std::move(start));
-  if (!changed && !length.empty()) {
-    e.length = length;
-    for (size_t n = 0; n < length.size(); ++n)
-      for (Index k = std::max(length[n], Index{0}); k < e.steps(); ++k) {
-        e.input(k).row(Index(n)).setConstant(nan);
-        e.output(k).row(Index(n)).setConstant(nan);
-      }
+  std::vector<Table> tables;
+  tables.push_back(table_of(path, options));
+  const Names names = tables.front().experiments;
+  try {
+    return ensemble_of(std::move(tables), names, false, options);
+  } catch (const IoError& error) {
+    throw IoError(error.what() + how_to_import(path));
   }
-  e.check(options.outputs_required);
-  e.remarks.insert(e.remarks.begin(), remarks.begin(), remarks.end());
-  return e;
 }
 
 Ensemble read_csv(const std::vector<std::filesystem::path>& paths, const ReadOptions& options) {
   const Names labels = labels_of(paths);
-  Table all;
-  FirstTable first;
-  Remarks starts, remarks;
-  Guesses guesses;
-  std::vector<Index> noted;
-  std::vector<std::pair<std::string, std::string>> cut;  // names of files, and remarks on their ends
-  for (size_t i = 0; i < paths.size(); ++i) {
-    const std::string file = paths[i].filename().string();
+  std::vector<Table> tables;
+  Names names;
+  for (size_t i = 0; i < paths.size(); ++i)
     naming(paths[i], [&] {
       const Unchanged unchanged(paths[i]);
-      Table table = read_table(paths[i], options, i > 0 ? &first : nullptr);
+      Table table = table_of(paths[i], i > 0 ? like_first(tables.front(), options) : options);
       unchanged.check();
-      check_length(table);
-      if (i > 0) check_same(first.file, all, table);
-      starts.add(file, table.stamped && options.trigger.empty()
-                           ? Names{"the time stamps count from the first row of each file. Use --trigger if an event "
-                                   "aligns the files"}
-                           : Names{});
-      name_experiments(paths[i], labels[i], table);
-      remarks.add(file, table.remarks);
-      if (table.cut) cut.emplace_back(file, *table.cut);
-      add_guesses(table.guesses, i, file, guesses);
-      std::vector<Index> length = table.length;
-      length.resize(table.records.rows.experiments.size(), -1);
-      noted.insert(noted.end(), length.begin(), length.end());
-      if (i > 0) {
-        append(table.records, all.records);
-        if (!all.dt) all.dt = table.dt;
-        if (!all.initial_state) all.initial_state = table.initial_state;
-      } else {
-        first = {file, table.input_titles, table.output_titles};
-        all = std::move(table);
-      }
+      if (i > 0) check_no_more(tables.front(), table, options), check_same(tables.front(), table);
+      for (const std::string& name : table.experiments)
+        names.push_back(table.experiments.size() > 1 ? fmt::format("{}/{}", labels[i], name) : labels[i]);
+      tables.push_back(std::move(table));
       return 0;
     });
-  }
-  all.names_experiments = true;
-  const bool changed = !options.trigger.empty() || options.resample.has_value();
-  std::optional<std::string> start;
-  Ensemble e = ensemble_of(std::move(all), options, true, start);
-  if (!changed && std::any_of(noted.begin(), noted.end(), [](Index length) { return length >= 0; }))
-    apply_noted_lengths(noted, e);
-  e.check(options.outputs_required);
-  // Without a trigger, the begins of the experiments may be wrong. This matters most, so it is the first remark.
-  Names texts = starts.take();
-  if (start) texts.push_back(*std::move(start));
-  for (std::string& text : remarks.take()) texts.push_back(std::move(text));
-  if (!cut.empty()) texts.push_back(remark_on_ends(cut));
-  if (!guesses.empty()) texts.push_back(remark_on_guesses(guesses));
-  e.remarks.insert(e.remarks.begin(), texts.begin(), texts.end());
-  return e;
+  return ensemble_of(std::move(tables), names, true, options);
 }
 
 }  // namespace tokid::io

@@ -9,10 +9,9 @@
 #include <unordered_map>
 
 #include "base/json.hpp"
-#include "io/formats/cells.hpp"
-#include "io/formats/columns.hpp"
+#include "io/formats/csv_columns.hpp"
+#include "io/formats/csv_lines.hpp"
 #include "io/formats/formats.hpp"
-#include "io/formats/table_text.hpp"
 #include "io/guard/atomic_file.hpp"
 #include "io/guard/text_checksum.hpp"
 #include "io/text.hpp"
@@ -48,7 +47,7 @@ std::string csv_cell(const std::string& text) {
   std::string cell(2 * text.size() + 2, '\0');
   cell.resize(csv_write(cell.data(), cell.size(), text.data(), text.size()));
   const bool plain = cell.size() == text.size() + 2 && !text.empty() && text == stripped(text) &&
-                     text.find_first_of(",\r\n#") == std::string::npos;
+                     text.find_first_of(",;\t\r\n#") == std::string::npos;
   return plain ? text : cell;
 }
 

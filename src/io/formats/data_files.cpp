@@ -37,7 +37,10 @@ std::vector<fs::path> in_folder(const fs::path& folder) {
   std::vector<fs::path> files;
   for (const auto& entry : fs::directory_iterator(folder))
     if (is_csv(entry.path()) && !is_hidden(entry.path()) && entry.is_regular_file()) files.push_back(entry.path());
-  if (files.empty()) fail("a directory without any .csv found, a file or a directory with .csv files needed");
+  if (files.empty())
+    fail(
+        "a directory without any .csv found, a file or a directory with .csv files needed. tokid import reads other "
+        "tables, logs and a folder for each run");
   return files;
 }
 

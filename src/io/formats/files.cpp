@@ -34,7 +34,9 @@ Format format_of(const fs::path& path) {
   if (extension == ".h5" || extension == ".hdf5") return Format::hdf5;
   if (extension == ".mat") return Format::mat;
   if (extension == ".csv") return Format::csv;
-  fail("extension '{}' found; .npz, .h5, .hdf5, .mat or (ensembles only) .csv needed", extension);
+  fail(
+      "extension '{}' found; .npz, .h5, .hdf5, .mat or (ensembles only) .csv needed. tokid import reads tables and logs",
+      extension);
 }
 
 io::Contents read(const fs::path& path, Format format, const io::Names& wanted) {
@@ -121,27 +123,11 @@ Ensemble in_wanted_order(Ensemble found, const ReadOptions& options) {
   return ordered ? *std::move(ordered) : std::move(found);
 }
 
-// \throws IoError for options that only .csv files have
-void check_no_csv_options(const ReadOptions& options) {
-  if (!options.inputs.empty() || !options.outputs.empty())
-    fail("columns can be chosen in .csv files only; here 'u' are the inputs and 'y' the outputs");
-  const auto refuse = [](bool stated, const char* name) {
-    if (stated) fail("{}: this option is for .csv files only; leave it out, or convert the data to .csv", name);
-  };
-  refuse(!options.time.empty(), "time");
-  refuse(!options.experiment.empty(), "experiment-column");
-  refuse(!options.missing.empty(), "missing");
-  refuse(options.dates != DateOrder::automatic, "dates");
-  refuse(options.dt.has_value(), "dt");
-  refuse(!options.trigger.empty(), "trigger");
-  refuse(options.resample.has_value(), "resample");
-  refuse(!options.held.empty(), "held");
-}
-
 Ensemble load_one(const fs::path& path, const ReadOptions& options) {
   Ensemble found = loaded(path, [&](Format format) {
     if (format == Format::csv) return io::read_csv(path, options);
-    check_no_csv_options(options);
+    if (!options.inputs.empty() || !options.outputs.empty())
+      fail("columns can be chosen in .csv files only; here 'u' are the inputs and 'y' the outputs");
     const io::Fields fields(read(path, format, io::ensemble_names()));
     if (io::is_model(fields.names())) fail("a model found, an ensemble ('u', 'y') needed");
     if (io::is_controller(fields.names())) fail("a controller of tokid lqr found, an ensemble ('u', 'y') needed");
@@ -194,7 +180,6 @@ Ensemble load_ensemble(const fs::path& path, const ReadOptions& options) {
 
 Ensemble load_ensemble(const std::vector<fs::path>& paths, const ReadOptions& options) {
   if (paths.empty()) throw std::invalid_argument("paths: no path found, one or more needed");
-  io::check_options(options);
   if (paths.size() == 1 && !io::stands_for_files(paths.front())) return load_one(paths.front(), options);
   std::vector<fs::path> files;
   for (const fs::path& path : paths)

@@ -21,7 +21,6 @@ Contents read_mat(const std::filesystem::path& path, const Names& wanted);  // o
 void write_mat(const Arrays& arrays, const std::filesystem::path& path);    // version 7
 void write_mat73(const Arrays& arrays, const std::filesystem::path& path);
 
-void check_options(const ReadOptions& options);  // \throws std::invalid_argument
 Ensemble read_csv(const std::filesystem::path& path, const ReadOptions& options);
 // Several tables; errors name the file.
 Ensemble read_csv(const std::vector<std::filesystem::path>& paths, const ReadOptions& options);

@@ -5,8 +5,7 @@
 
 #include "base/json.hpp"
 #include "base/words.hpp"
-#include "io/formats/cells.hpp"
-#include "io/formats/table_text.hpp"
+#include "io/formats/csv_lines.hpp"
 
 namespace tokid::io {
 
@@ -53,7 +52,7 @@ void read_note(Index line, const std::string& text, Notes& notes) {
                                             {"input_units", &notes.channels.input_units},
                                             {"output_units", &notes.channels.output_units}};
   const auto list = lists.find(key);
-  if (key == "checksum") notes.has_checksum |= is_our_checksum(trimmed(std::string_view(text).substr(equals + 1)));
+  notes.has_checksum |= key == "checksum";
   if (list == lists.end() && key != "dt" && key != "length" && key != "initial_state") return;
   Note note{line, trimmed(std::string_view(text).substr(equals + 1)), {}};
   note.value = value_of_note(note.text);

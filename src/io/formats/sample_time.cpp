@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "io/formats/time_axis.hpp"
+#include "io/formats/even_times.hpp"
 #include "io/text.hpp"
 
 namespace tokid::io {
@@ -40,12 +40,16 @@ const Names& words_for_sample_time() {
   return words;
 }
 
+// Also "t", "time" and their like with a unit: "time_ms". T is a temperature or a period.
 bool is_about_time(const std::string& name) {
   std::string word = in_lower_case(name);
   std::erase_if(word, [](char c) { return c == '_' || c == '-' || c == ' '; });
-  // Names with units in brackets are left out: only tables have them, and time_unit() throws for an unknown unit.
-  return contains(words_for_sample_time(), word) ||
-         (name.find_first_of("[(") == std::string::npos && time_unit(name).has_value());
+  if (contains(words_for_sample_time(), word)) return true;
+  static const Names times{"t", "time", "timestamp", "elapsed", "elapsedtime"};
+  static const Names units{"", "s", "sec", "seconds", "ms", "milliseconds", "us", "microseconds", "ns", "min", "h"};
+  return std::any_of(times.begin(), times.end(), [&](const std::string& time) {
+    return word.starts_with(time) && contains(units, word.substr(time.size())) && (time != "t" || name[0] == 't');
+  });
 }
 
 // The real numbers of the data set `name`, which must be a vector or a scalar; empty for any other data set, and if it
@@ -66,12 +70,21 @@ std::vector<double> numbers(const std::string& name, const Read& read) {
 // Sample times with a smaller relative difference are equal up to rounding.
 constexpr double alike = 1e-6;
 
+// Are these the times of successive steps?
+bool is_grid(const std::vector<double>& times) {
+  if (times.size() < 2 || !std::all_of(times.begin(), times.end(), [](double t) { return std::isfinite(t); }))
+    return false;
+  const EvenTimes grid = even_times(times);
+  for (size_t k = 0; k < times.size(); ++k)
+    if (grid.step(times[k]) != double(k)) return false;
+  return grid.shows_dt && !grid.wrong;
+}
+
 std::optional<double> in_times(const Names& names, Index steps, const Read& read) {
   for (const char* name : {"t", "time"}) {
     if (!contains(names, name)) continue;
     const auto times = numbers(name, read);
-    const auto dt = times.size() == static_cast<size_t>(steps) ? even_spacing(times) : std::nullopt;
-    if (dt) return dt;
+    if (times.size() == static_cast<size_t>(steps) && is_grid(times)) return even_times(times).dt;
   }
   return std::nullopt;
 }
