@@ -97,10 +97,11 @@ def _parts(
             gaps = np.diff(times)
             widest = int(np.argmax(gaps)) if len(gaps) > 2 else -1
             if widest >= 0 and gaps[widest] > 2 * float(np.median(gaps)) * max(len(times), 5):
+                hint = advice(recording, candidate(recording, ordered, np.zeros(0), [*used, column]))
                 remarks.append(Remark(f"{f'experiment {full!r} has ' if full else ''}a gap of {gaps[widest]:g} s "
                                       f"between {recording.row(ordered[widest])} and "
                                       f"{recording.row(ordered[widest + 1])}. Check whether these are two "
-                                      "experiments", recording.place))
+                                      f"experiments{hint}", recording.place))
     return parts
 
 
