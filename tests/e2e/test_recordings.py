@@ -99,6 +99,7 @@ def test_files_that_differ_are_named(tokid, tmp_path):
     write(folder / "run2.csv", "time,u,y\n0,1,2\n1,2,3\n2.3,2,3\n3,1,1\n")
     message = tokid("info", folder, status=2).stderr
     assert "run2.csv, line 4" in message and "even times needed" in message
+    assert f"tokid import '{folder}' data.npz" in message
     assert "a directory without any .csv found" in tokid("info", tmp_path, status=2).stderr
     assert "no file matches this pattern" in tokid("info", tmp_path / "x*.csv", status=2).stderr
 

@@ -188,21 +188,6 @@ class TableReader {
   std::vector<Index> rows_;                         // of each experiment so far
 };
 
-// The end of messages about a table: how to read the tables of other programs.
-std::string how_to_import(const std::filesystem::path& path) {
-  std::string quoted;
-  for (const char c : path.string()) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
-  return fmt::format(". To read a table of another program: tokid import '{}' data.npz", quoted);
-}
-
-Table table_of(const std::filesystem::path& path, const ReadOptions& options) {
-  try {
-    return TableReader(path, options).take();
-  } catch (const IoError& error) {
-    throw IoError(error.what() + how_to_import(path));
-  }
-}
-
 // Facts on which all tables must agree.
 void check_same(const Table& first, const Table& table) {
   const auto kind = [](const Table& t) {
@@ -422,13 +407,9 @@ Ensemble ensemble_of(std::vector<Table> tables, const Names& names, bool several
 
 Ensemble read_csv(const std::filesystem::path& path, const ReadOptions& options) {
   std::vector<Table> tables;
-  tables.push_back(table_of(path, options));
+  tables.push_back(TableReader(path, options).take());
   const Names names = tables.front().experiments;
-  try {
-    return ensemble_of(std::move(tables), names, false, options);
-  } catch (const IoError& error) {
-    throw IoError(error.what() + how_to_import(path));
-  }
+  return ensemble_of(std::move(tables), names, false, options);
 }
 
 Ensemble read_csv(const std::vector<std::filesystem::path>& paths, const ReadOptions& options) {
@@ -438,7 +419,7 @@ Ensemble read_csv(const std::vector<std::filesystem::path>& paths, const ReadOpt
   for (size_t i = 0; i < paths.size(); ++i)
     naming(paths[i], [&] {
       const Unchanged unchanged(paths[i]);
-      Table table = table_of(paths[i], i > 0 ? like_first(tables.front(), options) : options);
+      Table table = TableReader(paths[i], i > 0 ? like_first(tables.front(), options) : options).take();
       unchanged.check();
       if (i > 0) check_no_more(tables.front(), table, options), check_same(tables.front(), table);
       for (const std::string& name : table.experiments)

@@ -123,9 +123,25 @@ Ensemble in_wanted_order(Ensemble found, const ReadOptions& options) {
   return ordered ? *std::move(ordered) : std::move(found);
 }
 
+// Reads one or several .csv. Errors end with the command that reads the tables of other programs.
+template <class Files>
+Ensemble read_tables(const Files& files, const std::vector<fs::path>& given, const ReadOptions& options) {
+  try {
+    return io::read_csv(files, options);
+  } catch (const IoError& error) {
+    std::string text = fmt::format("{}. To read a table of another program: tokid import", error.what());
+    for (const fs::path& path : given) {
+      text += " '";
+      for (const char c : path.string()) text += c == '\'' ? std::string("'\\''") : std::string(1, c);
+      text += "'";
+    }
+    throw IoError(text + " data.npz");
+  }
+}
+
 Ensemble load_one(const fs::path& path, const ReadOptions& options) {
   Ensemble found = loaded(path, [&](Format format) {
-    if (format == Format::csv) return io::read_csv(path, options);
+    if (format == Format::csv) return read_tables(path, {path}, options);
     if (!options.inputs.empty() || !options.outputs.empty())
       fail("columns can be chosen in .csv files only; here 'u' are the inputs and 'y' the outputs");
     const io::Fields fields(read(path, format, io::ensemble_names()));
@@ -197,7 +213,7 @@ Ensemble load_ensemble(const std::vector<fs::path>& paths, const ReadOptions& op
       return 0;
     });
   if (files.size() == 1 && format_of(files.front()) != Format::csv) return load_one(files.front(), options);
-  Ensemble found = naming(name_of(paths, files), [&] { return io::read_csv(files, options); });
+  Ensemble found = naming(name_of(paths, files), [&] { return read_tables(files, paths, options); });
   found.remarks.insert(found.remarks.begin(), remarks.begin(), remarks.end());
   return in_wanted_order(std::move(found), options);
 }
