@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <string_view>
 
+#include "io/naming.hpp"
+
 namespace tokid::app {
 
 namespace {
@@ -54,10 +56,7 @@ std::string word(const std::string& text) {
   const bool plain = !text.empty() && std::all_of(text.begin(), text.end(), [](char c) {
     return std::string_view(" \t\n\"'\\$`!*?[]{}()<>|&;#~").find(c) == std::string_view::npos;
   });
-  if (plain) return text;
-  std::string quoted = "'";
-  for (const char c : text) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
-  return quoted + "'";
+  return plain ? text : io::in_quotes(text);
 }
 
 std::string words_of(const std::vector<fs::path>& paths) {

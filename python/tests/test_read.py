@@ -557,3 +557,10 @@ def test_the_mean_is_that_of_each_interval(tmp_path):
     data = tokid.read(table, resample=1.0, resample_method="mean")
     np.testing.assert_array_equal(data.u[0, 1:, 0], 1.0)
     np.testing.assert_allclose(data.y[0, :, 0], 101325.1, rtol=4e-16)
+
+
+def test_files_of_tokid_may_need_outputs(tmp_path):
+    tokid.Ensemble(np.ones((2, 5, 1)), dt=0.1).save(tmp_path / "a.csv")
+    assert tokid.read(tmp_path / "a.csv").outputs == 0
+    with pytest.raises(tokid.IoError, match="begins with y"):
+        tokid.read(tmp_path / "a.csv", outputs_required=True)

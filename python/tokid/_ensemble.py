@@ -175,9 +175,7 @@ class Ensemble(Channels):
             successive steps; if the last line may be incomplete; if a .csv has changed since tokid wrote it; if axes
             look swapped.
         """
-        options = _tokid.ReadOptions()
-        options.inputs, options.outputs = _samples.one_or_more(inputs), _samples.one_or_more(outputs)
-        options.outputs_required = _options.switch("outputs_required", outputs_required)
+        options = _samples.read_options(inputs, outputs, outputs_required)
         if isinstance(path, (str, bytes, os.PathLike)) or not isinstance(path, Iterable):
             paths = [path]
         else:

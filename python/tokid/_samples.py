@@ -157,6 +157,14 @@ def one_or_more(values: Union[str, Iterable[Any], None]) -> list[str]:
     return [values] if isinstance(values, str) else [str(value) for value in (() if values is None else values)]
 
 
+def read_options(inputs: Any, outputs: Any, outputs_required: bool) -> _tokid.ReadOptions:
+    """The options of the reader of the library."""
+    options = _tokid.ReadOptions()
+    options.inputs, options.outputs = one_or_more(inputs), one_or_more(outputs)
+    options.outputs_required = _options.switch("outputs_required", outputs_required)
+    return options
+
+
 def name_channels(core: Any, given: Mapping[str, Any]) -> None:
     """Set the names and units of an ensemble or a model, one for each channel."""
     for name in NAMES:

@@ -7,6 +7,8 @@
 #include <filesystem>
 #include <new>
 #include <stdexcept>
+#include <string>
+#include <string_view>
 #include <system_error>
 
 #include "io/arrays.hpp"
@@ -19,6 +21,13 @@ inline std::string named(const std::filesystem::path& path, std::string_view mes
   constexpr size_t longest = 2000;
   return printable(
       fmt::format("{}: {}{}", path.string(), message.substr(0, longest), message.size() > longest ? " …" : ""));
+}
+
+// A text in quotation marks, as a shell needs them.
+inline std::string in_quotes(std::string_view text) {
+  std::string quoted = "'";
+  for (const char c : text) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return quoted + "'";
 }
 
 // Runs f, which reads a file, and puts the name of the file in front of its error messages.

@@ -11,7 +11,7 @@ from typing import Any, Optional
 from .. import _dataframe, _tokid
 from .._channels import channel_texts
 from .._optional import need
-from .._samples import core_of, describe, experiment_names
+from .._samples import core_of, describe, experiment_names, read_options
 from . import channels, cut, grid, sources
 from .clock import clock
 from .cut import Experiment
@@ -23,8 +23,9 @@ def read(
 ) -> _tokid.Ensemble:
     """Read an ensemble. `options` are those of `Options`, and `described` the arguments of `describe`."""
     chosen = checked(options)
+    given = {name: value for name, value in described.items() if value is not None}
     if (own := _of_tokid(source, chosen)) is not None:
-        describe(own, **{name: value for name, value in described.items() if value is not None})
+        describe(own, **given)
         return own
     need("pandas", "tokid.read", "tokid[read]")
     recordings = sources.recordings(source, _wanted(chosen))  # files or objects → raw columns
@@ -34,17 +35,16 @@ def read(
     experiments, cuts = cut.experiments(recordings, clocks, stated, columns, chosen)  # rows → experiments
     samples = grid.grid(recordings, columns, experiments, chosen)  # times → steps of one grid
     core = _core(samples, columns, experiments)
-    told = [Remark(text, own.place) for own in recordings for text in own.remarks]
     told = [
         *cuts,
         *(remark for own in clocks for remark in own.remarks),
-        *told,
+        *(Remark(text, own.place) for own in recordings for text in own.remarks),
         *map(Remark, samples.remarks),
         *columns.remarks,
     ]
     core.reader_remarks = joined(told, len(recordings))
     _keep_notes(core, recordings, experiments, chosen)
-    describe(core, **{name: value for name, value in described.items() if value is not None})
+    describe(core, **given)
     core.check(chosen.outputs_required)
     return core
 
@@ -58,9 +58,8 @@ def _of_tokid(source: Any, options: Options) -> Optional[_tokid.Ensemble]:
     with open(source, "rb") as file:
         if not file.read(14).startswith(b"# checksum = "):
             return None
-    chosen = _tokid.ReadOptions()
-    chosen.inputs, chosen.outputs, chosen.outputs_required = list(options.inputs), list(options.outputs), False
-    return _tokid.load_ensemble([os.fspath(source)], chosen)
+    plainly = read_options(options.inputs, options.outputs, options.outputs_required)
+    return _tokid.load_ensemble([os.fspath(source)], plainly)
 
 
 def _wanted(options: Options) -> list[str]:

@@ -234,11 +234,16 @@ struct Steps {
   Index count = 1;
 };
 
+std::string place_of(const Table& table, size_t row, bool several) {
+  const std::string line = fmt::format("line {}", table.line[row]);
+  return several ? fmt::format("{}, {}", table.file, line) : line;
+}
+
+// `row`: of all tables, one below the other.
 std::string place_of(const std::vector<Table>& tables, size_t row) {
   size_t t = 0;
   while (row >= tables[t].rows()) row -= tables[t++].rows();
-  const std::string line = fmt::format("line {}", tables[t].line[row]);
-  return tables.size() > 1 ? fmt::format("{}, {}", tables[t].file, line) : line;
+  return place_of(tables[t], row, tables.size() > 1);
 }
 
 // Step 0 is the first of all experiments. Experiments without a common step do not repeat each other.
@@ -306,10 +311,8 @@ std::vector<Index> fill(const std::vector<Table>& tables, const Steps& steps, En
       const Index n = before + table.experiment[row], k = Index(steps.grid.step(table.place[row]));
       char& again = seen[size_t(n * steps.count + k)];
       if (again)
-        fail(
-            "{}line {}: a second row for step {} found; rows of other experiments need other names in a column "
-            "'experiment'",
-            tables.size() > 1 ? table.file + ", " : "", table.line[row], k);
+        fail("{}: a second row for step {} found; rows of other experiments need other names in a column 'experiment'",
+             place_of(table, row, tables.size() > 1), k);
       again = 1;
       length[size_t(n)] = std::max(length[size_t(n)], k + 1);
       begin[size_t(n)] = std::min(begin[size_t(n)], k);

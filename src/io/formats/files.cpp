@@ -130,11 +130,7 @@ Ensemble read_tables(const Files& files, const std::vector<fs::path>& given, con
     return io::read_csv(files, options);
   } catch (const IoError& error) {
     std::string text = fmt::format("{}. To read a table of another program: tokid import", error.what());
-    for (const fs::path& path : given) {
-      text += " '";
-      for (const char c : path.string()) text += c == '\'' ? std::string("'\\''") : std::string(1, c);
-      text += "'";
-    }
+    for (const fs::path& path : given) text += " " + io::in_quotes(path.string());
     throw IoError(text + " data.npz");
   }
 }

@@ -70,21 +70,22 @@ std::vector<double> numbers(const std::string& name, const Read& read) {
 // Sample times with a smaller relative difference are equal up to rounding.
 constexpr double alike = 1e-6;
 
-// Are these the times of successive steps?
-bool is_grid(const std::vector<double>& times) {
+// The spacing of the times of successive steps; empty for other times.
+std::optional<double> even_spacing(const std::vector<double>& times) {
   if (times.size() < 2 || !std::all_of(times.begin(), times.end(), [](double t) { return std::isfinite(t); }))
-    return false;
+    return std::nullopt;
   const EvenTimes grid = even_times(times);
   for (size_t k = 0; k < times.size(); ++k)
-    if (grid.step(times[k]) != double(k)) return false;
-  return grid.shows_dt && !grid.wrong;
+    if (grid.step(times[k]) != double(k)) return std::nullopt;
+  return grid.shows_dt && !grid.wrong ? std::optional(grid.dt) : std::nullopt;
 }
 
 std::optional<double> in_times(const Names& names, Index steps, const Read& read) {
   for (const char* name : {"t", "time"}) {
     if (!contains(names, name)) continue;
     const auto times = numbers(name, read);
-    if (times.size() == static_cast<size_t>(steps) && is_grid(times)) return even_times(times).dt;
+    const auto dt = times.size() == static_cast<size_t>(steps) ? even_spacing(times) : std::nullopt;
+    if (dt) return dt;
   }
   return std::nullopt;
 }
